@@ -107,6 +107,12 @@ def export(
         return _written(program, scenarios, unfinished, prefix, fleet)
 
 
+def joined(program: OnboardProgram) -> str:
+    """Return the analyser's option by which ways through a search are joined at once, not after ten."""
+    names = [*SEARCHING, *program.planner.functions] if program.planner else []
+    return f"-eva-slevel-function {','.join(f'{name}:0' for name in names)} " if names else ""
+
+
 def _logged(
     program: OnboardProgram, scenarios: Sequence[Scenario], fleet: Fleet
 ) -> tuple[list[Scenario], list[FlightLog]]:
@@ -135,7 +141,7 @@ def _written(
         "num_flights": len(flights),
         "planner": program.planner,
         "warnings": WARNINGS,
-        "specified": _specified(source.code) + _joined(program),
+        "specified": _specified(source.code) + joined(program),
         "token": source.identity["code"],
         **block_facts(source.interface),
     }
@@ -191,12 +197,6 @@ def _measured(folder: Path) -> Sizes | None:
         return sizes(folder)
     except FileNotFoundError:
         return None
-
-
-def _joined(program: OnboardProgram) -> str:
-    """Return the analyser's option by which ways through a search are joined at once, not after ten."""
-    names = [*SEARCHING, *program.planner.functions] if program.planner else []
-    return f"-eva-slevel-function {','.join(f'{name}:0' for name in names)} " if names else ""
 
 
 def _specified(code: str) -> str:

@@ -1,17 +1,15 @@
 """The flight's own `decide`, and what comes before it, translated for a mission and a controller."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, get_args, get_type_hints
-
-import numpy as np
+from typing import Any, get_args, get_type_hints
 
 from fis_tools.compiled import elementary
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.vectors import ROW, Three, least, load, width_of
+from fis_tools.compiled.vectors import Three, least, load, width_of
 from fis_tools.engines import kernel, packing
 from fis_tools.engines.kernel import LANES
-from pipeline.array_types import Floats, Integers
+from pipeline.array_types import Integers
 from pipeline.flight.cases.navigation import as_believed
 from pipeline.flight.control.controller import Controller, RuleController
 from pipeline.flight.control.law import law_of
@@ -31,24 +29,18 @@ from pipeline.flight.state.arrays import Control, FlightState, FullOptics, Law, 
 from pipeline.flight.state.signals import CONSTANTS, SETTING, URGENCY
 from pipeline.flight.world.pack import pack_world
 from pipeline.flight.world.surface import surface_of
-from pipeline.onboard.allowed import NotTranslatableError, TranslationError
+from pipeline.onboard.allowed import NotTranslatableError
 from pipeline.onboard.free_cells import FreeCells
+from pipeline.onboard.law_values import Values
 from pipeline.onboard.operations import OPERATIONS
 from pipeline.onboard.planner import ANYWHERE, PushPlanner, check, ranges_of, write_planner
 from pipeline.onboard.restart import write_restart
 from pipeline.onboard.translator import Translator
-from pipeline.onboard.values import Array, Expression, Record
+from pipeline.onboard.values import Expression, Record
 from pipeline.onboard.writer import Setting
 from pipeline.physics.sight import is_free
 from pipeline.settings.experiment import Mission
 
-#: constants of a controller that are read from the state and can be changed in flight, unless they are zero:
-#: lengths, speeds, forces and angles, and all of a tour. Other times and counts decide how long loops are
-CHANGEABLE = tuple(
-    name
-    for name, constant in CONSTANTS.items()
-    if constant.is_tuned and (name.endswith(("_m", "_m_s", "_n", "_rad")) or name.startswith("tour_"))
-)
 #: signals of the target, which is the mean of the points that are lit and not inspected
 OF_TARGET = frozenset(
     {*("lambda_u", "eta_u", "target_setting"), *("target_radial", "target_along_track", "target_cross_track")}
@@ -60,81 +52,6 @@ GUARDED = frozenset({"scratch_inputs", "commanded", "cuts", "zeros"})
 
 #: loops over terms of which `Values` must know which term it is
 UNROLLED = frozenset({("find_crossings", "term")})
-
-
-class Values:
-    """A controller's values as the flight indexes them.
-
-    Its changeable constants are read from the state. The terms of outputs stand among the values twice, term
-    by term and point by point; on board they do once, point by point.
-    """
-
-    ndim = 1
-
-    def __init__(self, values: Floats, law: Law, choices: Sequence[Floats]) -> None:
-        self._values, self._first, self._choices = values, law.constants, choices
-        self.used: list[str] = []
-        self._rows: list[_Row] = []
-        parts: list[Floats] = []
-        for first, end, by_points in _tables(law):
-            start = sum(map(len, parts))
-            if by_points is None:
-                self._rows.append(_Row(first, end, start, 1))
-                parts.append(values[first:end])
-            else:  # the terms of an output, whose table point by point is the part that was added last
-                terms = (end - first) // by_points
-                for term in range(terms):
-                    row = first + term * by_points
-                    self._rows.append(_Row(row, row + by_points, start - (end - first) + term, terms))
-        self._table = np.concatenate([*parts, np.zeros(ROW)])
-
-    def known(self, index: int) -> float:
-        """Return the number at an index as the controller was designed."""
-        return float(self._values[index])
-
-    def at(self, translator: Translator, index: Any) -> Any:
-        """Return the value at an index."""
-        if isinstance(index, Expression):
-            for row in self._rows:
-                if row.first <= index.offset < row.end:
-                    table = Array("values", self._table.shape, data=self._table)
-                    return translator.element(table, (index - row.first) * row.step + row.start)
-            raise TranslationError(f"an index of values that is in none of its tables: {index.text}")
-        value = self.known(index)
-        if not 0 <= self._first <= index:
-            return value
-        number = index - self._first
-        name = list(CONSTANTS)[number]
-        if name not in CHANGEABLE or not any(constants[number] for constants in self._choices):
-            return value
-        if name not in self.used:
-            self.used.append(name)
-        return Expression(f"state->parameters.{name}")
-
-
-class _Row(NamedTuple):
-    """Consecutive values, and where on board the first stands and how far apart they are."""
-
-    first: int
-    end: int
-    start: int
-    step: int
-
-
-def _tables(law: Law) -> Iterator[tuple[int, int, int | None]]:
-    """Return where a law's tables stand among its values: first index, the one after, points of a term.
-
-    Where there are points, the table stands term by term; the one before holds the same point by point.
-    """
-    for system in law.layout:
-        for column in range(system.num_inputs):
-            first = int(system.input_values[column]) + packing.HEADER
-            yield first, first + int(system.input_terms[column] * system.input_points[column]), None
-        terms, points = int(system.output_terms), int(system.output_points)
-        first = int(system.output_values) + packing.HEADER
-        yield first + terms * points, first + 2 * terms * points, None
-        yield first, first + terms * points, points
-        yield int(system.pieces), int(system.pieces) + 2 * terms * packing.num_pieces(points), None
 
 
 class Fields:

@@ -1,5 +1,6 @@
 """A planner in C: it plans what the product plans, bit for bit, within the periods that it is given."""
 
+import re
 import shutil
 from dataclasses import replace
 
@@ -18,6 +19,7 @@ from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.log import REHEARSED
 from pipeline.flight.world.pack import pack_world
 from pipeline.onboard.allowed import NotTranslatableError
+from pipeline.onboard.export import joined
 from pipeline.onboard.messages import MODES, START_BITS
 from pipeline.onboard.planner import MOST_TRIED, num_tried
 from pipeline.onboard.program import translate
@@ -175,6 +177,18 @@ def test_a_call_tries_no_more_than_a_part_of_a_generation(planning):
 @pytest.mark.parametrize(("num_plans", "count"), [(6, 6), (8, 8), (12, 6), (32, 8), (64, 8), (17, 1)])
 def test_all_parts_of_a_generation_are_alike(num_plans, count):
     assert num_tried(num_plans) == count
+
+
+def test_the_analyser_takes_ways_together_in_functions_that_the_c_has(planning):
+    """It refuses an option for a function that is not there, and takes ways apart in those of the rules."""
+    program, _ = planning
+    code, option = sources(program).code, joined(program)
+    names = re.findall(r"(\w+):0", option)
+    assert option == f"-eva-slevel-function {','.join(f'{name}:0' for name in names)} "
+    assert all(re.search(rf"\b{name}\(.*\)\n{{", code) for name in set(names) - {"main"})
+    assert {"select_cheaper", "price_up_to"} < set(names)
+    assert not {"infer", "decide", "controller_step"} & set(names)
+    assert joined(replace(program, planner=None)) == ""
 
 
 def test_the_header_names_the_controller_as_it_ships(planning):
