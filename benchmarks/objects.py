@@ -64,13 +64,6 @@ def commands() -> list[tuple[str, ...]]:
     return [
         ("+experiment=evaluate", "controller=champion_27", "monte_carlo.num_cases=20"),
         ("+experiment=train", "stages=[scenario,train]", *SMALL),
-        (
-            "+experiment=train",
-            "stages=[scenario,train]",
-            "problem=docking",
-            "controller=champion_docking",
-            *SMALL,
-        ),
         ("+experiment=evaluate", "controller=champion_27", "safety=robust", *FEW),
         ("+experiment=evaluate", "controller=paper_champion", "safety=filter", *FEW),
         *(("+experiment=evaluate", *words_of(name), *RECORDED) for name in champions),

@@ -130,8 +130,8 @@ def firefox(folder: Path) -> Iterator[FirefoxPage]:
 def _address(process: "subprocess.Popen[bytes]", log: Path) -> str:
     """Return where Firefox listens, once it says so."""
     while process.poll() is None:
-        if found := re.search(r"ws://\S+", log.read_text(encoding="utf-8", errors="replace")):
-            return found[0].rstrip("/")
+        if match := re.search(r"ws://\S+", log.read_text(encoding="utf-8", errors="replace")):
+            return match[0].rstrip("/")
         try:
             process.wait(0.1)
         except subprocess.TimeoutExpired:

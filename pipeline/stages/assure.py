@@ -267,12 +267,12 @@ def _searches(
     space = case_space(experiment)
     numbers = range(experiment.assurance.searches)
     tasks = [(requirement, campaign, space, experiment, number) for number in numbers]
-    found: dict[int, WorstCaseSearch] = {}
+    ended: dict[int, WorstCaseSearch] = {}
     with Progress(f"{requirement.id}, search:", len(tasks), 0) as progress:
         for index, result in pool.run(search, tasks):
-            found[index] = result
-            progress.show(len(found))
-    searches = tuple(found[number] for number in numbers)
+            ended[index] = result
+            progress.show(len(ended))
+    searches = tuple(ended[number] for number in numbers)
     sys.stderr.write(f"  {requirement.id}: {search_efficiency(searches, random).sentence}\n")
     return searches
 
