@@ -42,7 +42,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument(
         "--propagate", type=int, default=0, help="ends and failures to integrate, on a circle"
     )
-    options = parser.parse_intermixed_args(arguments)
+    options = parser.parse_args(arguments)
     changes = [word for word in options.words if "=" in word]
     reproduced = compose_experiment(["+experiment=reproduce"]).experiment.compare.controllers
     names = [word for word in options.words if "=" not in word] or list(reproduced)

@@ -100,14 +100,14 @@ def main(arguments: Sequence[str]) -> int:
     """Train what is missing, then write rows, tables and the picture."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks artefact", description=__doc__)
     parser.add_argument("folder", type=Path, help="a new one, or one to go on with")
-    parser.add_argument("keys", nargs="*", help="key=value for each sweep")
+    parser.add_argument("keys", nargs="*", help="key=value for each sweep, before options")
     parser.add_argument("--seeds", type=int, default=SEEDS, help="of the arms held against the paper")
     parser.add_argument("--seeds-of-others", type=int, default=SEEDS_OF_OTHERS)
     parser.add_argument("--generations", type=int, default=GENERATIONS)
     parser.add_argument("--arms", type=int, default=None, help="only the first so many of them")
     parser.add_argument("--tables", action="store_true", help="only read the rows of a folder")
     parser.add_argument("--rows", type=Path, default=None, help="rows of trainings that need no flying")
-    options = parser.parse_intermixed_args(arguments)
+    options = parser.parse_args(arguments)
     if not options.tables:
         train_all(parser, options)
     if not (options.folder / TRAININGS).exists():

@@ -182,7 +182,7 @@ def main(arguments: Sequence[str]) -> None:
     """Build the module, fly it, and print what differs."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks basilisk", description=__doc__)
     parser.add_argument("words", nargs="*", default=["controller=champion_27", "sun=random"])
-    words = parser.parse_intermixed_args(arguments).words
+    words = parser.parse_args(arguments).words
     job = compose_experiment(["+experiment=evaluate", *words, *WORLD])
     mission = job.experiment.mission
     program = translate(mission, source.load(job.config["controller"], mission))

@@ -51,7 +51,7 @@ def main(given: Sequence[str]) -> int:
     parser.add_argument("--deputies", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--sharing", nargs="+", default=SHARING, choices=SHARING)
     parser.add_argument("words", nargs="*", metavar="key=value", help="of an evaluation")
-    options = parser.parse_intermixed_args(given)
+    options = parser.parse_args(given)
     shared = [f"seed={options.seed}", f"monte_carlo.num_cases={options.cases}", "sun=random"]
     shared += [f"controller={options.controller}", *options.words]
     print(HEAD)

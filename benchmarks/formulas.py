@@ -321,7 +321,7 @@ def main() -> int:
     parser.add_argument("--without-a-branch", type=int, default=0, metavar="NUMBER")
     parser.add_argument("--at", default="", metavar="FILE:LINE", help="changes of this line alone")
     parser.add_argument("words", nargs="*", default=["controller=champion_27", "duration_s=1200"])
-    options = parser.parse_intermixed_args()
+    options = parser.parse_args()
     for library in LIBRARIES:
         importlib.import_module(library)
     counts: Counter[str] = Counter()

@@ -122,7 +122,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--out", type=Path, help="file for the last controller (.json)")
     parser.add_argument("policy", help="an ONNX file")
     parser.add_argument("words", nargs="*", help="of the world")
-    options = parser.parse_intermixed_args(arguments)
+    options = parser.parse_args(arguments)
     base = [*options.words, f"monte_carlo.num_cases={options.cases}", f"seed={options.seed}"]
     experiment: Any = compose_experiment(["+experiment=train_paper", *base]).experiment
     mission, controller = experiment.mission, named(options.policy, experiment.mission)

@@ -365,7 +365,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--price", type=float, help="of a m/s in the end; a point is worth 0.1")
     parser.add_argument("--outside", type=float, default=10.0, help="taken away outside the limits")
     parser.add_argument("words", nargs="*", help="of the world, such as world=afrl deputy.max_force_n=0.02")
-    options = parser.parse_intermixed_args(arguments)
+    options = parser.parse_args(arguments)
     settings = SETTINGS[options.settings]
     if options.price is not None:
         settings = replace(settings, last_price=options.price)
