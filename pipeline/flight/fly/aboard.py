@@ -9,8 +9,8 @@ from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, load_at
 from fis_tools.compiled.vectors import load, select, store
 from pipeline.array_types import Bytes, Floats
-from pipeline.flight.fly.foresight import Outlook, num_periods
-from pipeline.flight.fly.prices import fired, sample_of
+from pipeline.flight.fly.foresight import Outlook, num_periods, sample_of
+from pipeline.flight.fly.prices import fired
 from pipeline.flight.fly.pushes import LATEST, LATEST_OF_ENDS, PlanSearch, begin
 from pipeline.flight.period.look.guidance import POINTS
 from pipeline.flight.period.look.optics import beam_from, lit_points, sun_after

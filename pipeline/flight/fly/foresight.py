@@ -311,6 +311,17 @@ def lead(genes: Floats, num_pushes: int, outlook: Outlook, effects: Floats, path
     return lead_along(genes, num_pushes, outlook, effects, path)
 
 
+@compiled(error_model="numpy", forceinline=True)
+def sample_of(genes: Floats, num_pushes: int, push: int, num_samples: int) -> int:
+    """Return the sample at which a push begins: the first one at the first."""
+    begin = 0
+    if push > 0:
+        gene = genes[3 * num_pushes + push - 1]
+        if gene == gene and 0.0 <= gene < num_samples:  # noqa: PLR0124 - NaN is told apart on board
+            begin = int(gene)
+    return begin
+
+
 @compiled(error_model="numpy")
 def num_doubts(tail: Tail, num_pushes: int) -> int:
     """Return how many deviations of pushes there are: along each axis, none of thrusters without errors."""
@@ -326,23 +337,24 @@ def follow_pushes(
     Columns of `doubts`, see `num_doubts`, are what a deviation of each push along each axis adds to them.
     """
     tail, kicks = outlook.tail, outlook.tail.kicks
+    last = max(0, len(kicks) - 1)
     for q in range(6):
         constants[q] = tail.constants[q]
         for column in range(doubts.shape[1]):
             doubts[q, column] = 0.0
     for push in range(num_pushes):
-        begin = 0 if push == 0 else outlook.step * int(genes[3 * num_pushes + push - 1])
+        begin = outlook.step * sample_of(genes, num_pushes, push, len(outlook.free))
         square, longest = 0.0, 1
         for axis in range(3 if begin < period else 0):
             force = genes[3 * push + axis]
             if abs(force) >= outlook.least_force:
                 periods = num_periods(force, outlook.most_force)
-                end = min(begin + periods, len(kicks) - 1)
+                end = min(begin + periods, last)
                 for q in range(6):
                     constants[q] += (kicks[end, q, axis] - kicks[begin, q, axis]) * force / periods
                 square, longest = square + force * force, max(longest, periods)
-        if doubts.shape[1] > 0 and square * (tail.scale_doubt + tail.tilt_doubt) > 0.0:
-            end = min(begin + longest, len(kicks) - 1)
+        if doubts.shape[1] > 0 and square > 0.0:
+            end = min(begin + longest, last)
             for axis in range(3):
                 force = genes[3 * push + axis]
                 along = force * force if abs(force) >= outlook.least_force else 0.0
@@ -401,13 +413,14 @@ def outside_later(
     of all these, and the sum of what errors may add after each push.
     """
     tail, last, worst, doubtful = outlook.tail, len(outlook.tail.kicks) - 1, 0.0, 0.0
+    num_samples = len(outlook.free)
     if len(tail.rows) == 0:
         return worst, doubtful
     for push in range(num_pushes if tail.num_passive > 0 else 0):
-        begin = 0 if push == 0 else outlook.step * int(genes[3 * num_pushes + push - 1])
+        begin = outlook.step * sample_of(genes, num_pushes, push, num_samples)
         following = last
         for other in range(num_pushes):
-            at = 0 if other == 0 else outlook.step * int(genes[3 * num_pushes + other - 1])
+            at = outlook.step * sample_of(genes, num_pushes, other, num_samples)
             if begin < at < following:
                 following = at
         follow_pushes(genes, num_pushes, outlook, begin + 1, constants, doubts)

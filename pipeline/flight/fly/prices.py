@@ -24,6 +24,7 @@ from pipeline.flight.fly.foresight import (
     num_doubts,
     num_periods,
     outside_later,
+    sample_of,
     samples_coarsely,
 )
 
@@ -83,17 +84,6 @@ def fired(genes: Floats, part: int, least_force: float) -> float:
     """Return a component of a push, N: zero where it is too small to be fired."""
     force = genes[part]
     return force if abs(force) >= least_force else 0.0
-
-
-@compiled(error_model="numpy", forceinline=True)
-def sample_of(genes: Floats, num_pushes: int, push: int, num_samples: int) -> int:
-    """Return the sample at which a push begins: the first one at the first."""
-    begin = 0
-    if push > 0:
-        gene = genes[3 * num_pushes + push - 1]
-        if gene == gene and 0.0 <= gene < num_samples:  # noqa: PLR0124 - NaN is told apart on board
-            begin = int(gene)
-    return begin
 
 
 @compiled(error_model="numpy")
