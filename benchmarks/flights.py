@@ -16,6 +16,7 @@ import numpy as np
 from pipeline.command_line.config import compose_experiment, conf_folder
 from pipeline.controllers import source
 from pipeline.flight.control.controller import ControllerError
+from pipeline.flight.control.law import check_course
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.arrays import NUM_TRACKED
 from pipeline.scenarios import evaluation_scenarios
@@ -24,7 +25,9 @@ from pipeline.scenarios import evaluation_scenarios
 NUM_STARTS = 24
 #: controllers that need a file besides
 NEEDS_A_FILE = ("file", "open_loop", "policy")
-#: ways of flying in the paper's world
+#: an orbit by its elements, whose perigee is 350 km high at an eccentricity of 0.3
+ELLIPSE = ("orbit=elements", "orbit.semi_major_axis_m=9615714")
+#: ways of flying in the paper's world, and along an ellipse
 WAYS: tuple[tuple[str, ...], ...] = (
     (),
     ("sun=random",),
@@ -34,7 +37,14 @@ WAYS: tuple[tuple[str, ...], ...] = (
     ("world=leo",),
     ("world=leo", "safety=filter"),
     ("world=afrl",),
+    ("dynamics=two_body", *ELLIPSE, "orbit.eccentricity=0.3", "sun=random"),
 )
+#: with oblateness and drag along a transfer orbit to geostationary height, and a chief that tumbles slowly
+TRANSFER = (
+    *("dynamics=low_orbit", "orbit=elements"),
+    *("orbit.semi_major_axis_m=24478137", "orbit.eccentricity=0.725", "sun=random"),
+)
+TUMBLING = "chief.initial_angular_velocity_rad_s=[0.001,0,0.002]"
 #: flown by two controllers that sense what others do not
 MORE_WAYS: tuple[tuple[str, ...], ...] = (
     ("attitude=ideal",),
@@ -54,6 +64,9 @@ MORE_WAYS: tuple[tuple[str, ...], ...] = (
     ("dynamics=low_orbit",),
     ("dynamics=two_body",),
     ("world=leo", "guidance=clusters", "attitude=ideal"),
+    (*TRANSFER, "navigation=fixes", "actuators=real"),
+    (*TRANSFER, "safety=filter"),
+    ("dynamics=low_orbit", "orbit.course=true", "orbit.epoch=2026-11-26T12:00:00", TUMBLING, "safety=filter"),
 )
 PAIR = ("champion_27", "paper_champion")
 #: of a log, what follows from the rest and so is left out of its hash, and what is hashed by another name: so
@@ -81,6 +94,7 @@ def hash_of(settings: Sequence[str]) -> str:
         experiment = compose_experiment(["+experiment=evaluate", *settings]).experiment
         mission = experiment.mission
         controller = source.load(experiment.controller, mission)
+        check_course(controller, mission)
     except (ValueError, ControllerError) as error:
         return f"refused: {str(error)[:60]}"
     scenarios = evaluation_scenarios(experiment, range(NUM_STARTS))
