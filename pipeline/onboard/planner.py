@@ -15,7 +15,7 @@ from pipeline.flight.fly.foresight import Outlook, num_doubts, samples_coarsely
 from pipeline.flight.fly.outlooks import Deputies, num_missed
 from pipeline.flight.fly.prices import Pricing, list_lit
 from pipeline.flight.fly.pushes import NUM_DRAWS, PlanSearch, breed, num_best, select_cheaper
-from pipeline.flight.fly.replanning import FIRST
+from pipeline.flight.fly.replanning import FIRST, first_searches
 from pipeline.flight.state.arrays import FullOptics, Moment, Workspace
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.state.signals import constant
@@ -104,7 +104,7 @@ class PushPlanner:
 
 def ranges_of(mission: Mission, controller: RuleController) -> dict[str, tuple[int, int]]:
     """Return least and greatest of the members of the state that hold points, samples and plans."""
-    (first, *_) = FIRST[round(controller.constants[constant("foresight_pushes")])]
+    first = FIRST[round(controller.constants[constant("foresight_pushes")])]
     num_points = pack_world(mission).num_points
     return {
         "plan_points": (0, num_points - 1),
@@ -157,7 +157,7 @@ def write_planner(
     for name, (function, arguments) in {**search.of_outlooks(now, work, optics), **search.of_plans()}.items():
         translator.write(name, function, arguments)
     constant_of, num_pushes = deputies.constant, deputies.num_pushes
-    (first, *others), planned = FIRST[num_pushes], constant_of("foresight_points")
+    (first, *others), planned = first_searches(deputies.controller), constant_of("foresight_points")
     num_after = max(deputies.after_s, constant_of("foresight_passive_s"))
     return PushPlanner(
         num_pushes=num_pushes,
@@ -204,7 +204,7 @@ class _Written:
         lit = self._member("lit", num_samples, self._num_points, kind="unsigned char")
         self._is_lit = self._counted(lit, "samples")
         self._pricing = self._pricing_of(num_samples)
-        self._search = self._search_of(4 * self._num_pushes - 1, FIRST[self._num_pushes][0].num_plans)
+        self._search = self._search_of(4 * self._num_pushes - 1, FIRST[self._num_pushes].num_plans)
 
     def _member(self, name: str, *shape: int, kind: str = "double") -> Any:
         return self._translator.member(f"plan_{name}", shape, kind)

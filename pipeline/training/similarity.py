@@ -35,7 +35,7 @@ DIGITS: Final = 3
 UNCHANGED: Final = ("rad", "")
 COUNTS: Final = (
     *("rehearsal_tours", "rehearsal_smallest", "rehearsal_shapes", "rehearsal_draws", "foresight_pushes"),
-    "foresight_bare",
+    *("foresight_bare", "foresight_searches"),
 )
 #: speeds of the whole mission, which cross the room inside its limits in a share of an orbit, however small
 #: the chief is

@@ -286,7 +286,7 @@ def _constants_of(controller: RuleController) -> Floats:
             f"controller {controller.name!r} has rehearsal_tours {attributes['rehearsal_tours']!r}; give 2 "
             "for the tour and its mirror image through the orbit plane, 4 for both of these reversed too"
         )
-    for name in ("rehearsal_draws", "rehearsal_shapes"):
+    for name in ("rehearsal_draws", "rehearsal_shapes", "foresight_searches"):
         if values[constant(name)] % 1.0 != 0.0:
             raise ControllerError(
                 f"controller {controller.name!r} has {name} {attributes[name]!r}; give a whole number"

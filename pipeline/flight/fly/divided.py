@@ -15,7 +15,7 @@ from pipeline.array_types import Booleans, Floats
 from pipeline.flight.control.controller import RuleController
 from pipeline.flight.fly.foresight import Outlook, lead, price_pushes
 from pipeline.flight.fly.outlooks import Deputies, at_start
-from pipeline.flight.fly.pushes import Effort, search_pushes
+from pipeline.flight.fly.pushes import search_pushes
 from pipeline.flight.fly.replanning import FIRST, pushes_of
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
@@ -76,7 +76,7 @@ class Team:
         starts = [[*s.position_m, *s.velocity_m_s, s.sun_angle_rad] for s in self.deputies.believed]
         words = np.array(starts).view(np.uint32).ravel().tolist()
         generator = np.random.default_rng(np.random.SeedSequence(words, spawn_key=(*turn, deputy)))
-        effort: Effort = FIRST[self.num_pushes][0]
+        effort = FIRST[self.num_pushes]
         reach = self.deputies.constant("foresight_reach_m_s")
         last = genes[deputy] if genes[deputy].any() or turn[1] > 0 else None
         return search_pushes(outlook, self.num_pushes, needed, reach, effort, generator, last).best

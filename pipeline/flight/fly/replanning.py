@@ -27,8 +27,8 @@ from pipeline.flight.state.log import Scenario
 from pipeline.flight.state.signals import constant
 from pipeline.settings.experiment import Mission
 
-#: searches by the number of pushes: the first of a flight, and when it plans again
-FIRST = {2: (Effort(32, 74),) * 2, 3: (Effort(64, 234),) * 3}
+#: of a search by the number of pushes: the first ones of a flight, and when it plans again
+FIRST = {2: Effort(32, 74), 3: Effort(64, 234)}
 AGAIN = {2: (Effort(16, 14),), 3: (Effort(64, 40),)}
 #: the most by which what is left of a plan may fall short of what it must see, as priced, m/s, to be flown on
 SLACK_M_S = 0.005
@@ -45,6 +45,14 @@ NUM_RECORDED = 5
 def foresees(controller: Controller) -> bool:
     """Return whether a controller plans its pushes by geometry."""
     return bool(controller.constants[constant("foresight_pushes")] > 0.0)
+
+
+def first_searches(controller: Controller) -> tuple[Effort, ...]:
+    """Return the efforts of the searches whose cheapest plan is a flight's first."""
+    num_pushes, count = (
+        round(controller.constants[constant(name)]) for name in ("foresight_pushes", "foresight_searches")
+    )
+    return (FIRST[num_pushes],) * (count or num_pushes)
 
 
 @dataclass(frozen=True)
@@ -146,7 +154,7 @@ class _Choice:
         self._num_priced = np.zeros(count, dtype=np.int64)
         self.ends = np.full((len(ENDS), count), np.nan)
         is_first = deputies.sample == 0
-        efforts = (FIRST if is_first else AGAIN)[num_pushes]
+        efforts = first_searches(deputies.controller) if is_first else AGAIN[num_pushes]
         kept_plans = [None if is_first else self._held(flight, num_pushes) for flight in range(count)]
         self._searches = [
             self._search(flight, num_pushes, efforts) if plan is None else plan

@@ -310,6 +310,9 @@ CONSTANTS = {
         "not 0: plans are fired as geometry prices them, with the camera aimed at the chief; none is flown "
         "ahead, as on board"
     ),
+    "foresight_searches": Chosen(
+        "how many searches a flight's first plan is the cheapest of; as many as foresight_pushes unless given"
+    ),
 }
 
 

@@ -41,7 +41,7 @@ STARTS = random_starts(3, seed=4)
 SHIPPED_FUZZY = {name: from_fuzzy(serialize.load(path)) for name, path in SHIPPED.items()}
 PLANNING = {name: each for name, each in SHIPPED_FUZZY.items() if replanning.foresees(each)}
 #: little effort, which is enough for what is tried here
-QUICK = {"FIRST": (Effort(16, 12),), "AGAIN": (Effort(16, 4),), "HARDER": (Effort(16, 6),)}
+QUICK = {"FIRST": Effort(16, 12), "AGAIN": (Effort(16, 4),), "HARDER": (Effort(16, 6),)}
 
 
 @pytest.fixture(autouse=True)

@@ -14,7 +14,7 @@ from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.fly.aboard import predict
 from pipeline.flight.fly.outlooks import at_start, finishing
 from pipeline.flight.fly.pushes import Effort, search_pushes
-from pipeline.flight.fly.replanning import FIRST, foresees
+from pipeline.flight.fly.replanning import FIRST, first_searches, foresees
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.log import REHEARSED
 from pipeline.flight.world.pack import pack_world
@@ -36,7 +36,7 @@ SHORT = mission(duration_s=1200.0)
 EVERY = {name: from_fuzzy(serialize.load(path)) for name, path in SHIPPED.items()}
 PLANNING = {name: each for name, each in EVERY.items() if foresees(each)}
 #: little effort, which is enough for what is tried here
-QUICK = {2: (Effort(16, 9),) * 2, 3: (Effort(24, 9),) * 3}
+QUICK = {2: Effort(16, 9), 3: Effort(24, 9)}
 #: bits of the status, as the header defines them
 BAD_POSITION, BAD_START = 2, 64
 #: what writes into a state how many periods ahead it plans
@@ -46,8 +46,8 @@ SHIM = "\nvoid set_lead(struct controller *state, int lead) { state->plan_lead =
 @pytest.fixture(scope="module", autouse=True)
 def quick():
     with pytest.MonkeyPatch.context() as patch:
-        for num_pushes, efforts in QUICK.items():
-            patch.setitem(FIRST, num_pushes, efforts)
+        for num_pushes, effort in QUICK.items():
+            patch.setitem(FIRST, num_pushes, effort)
         yield
 
 
@@ -124,7 +124,7 @@ def plan_at(program, start, state, sample, unseen):
             *(outlook, num_pushes, needed, deputies.constant("foresight_reach_m_s"), effort),
             np.random.default_rng(np.random.SeedSequence(words, spawn_key=(sample, 0, number))),
         )
-        for number, effort in enumerate(FIRST[num_pushes])
+        for number, effort in enumerate(first_searches(program.controller))
     ]
     best = min(searches, key=lambda search: search.cost).best
     forces = np.zeros((world.num_controls - sample, 3))
@@ -140,7 +140,8 @@ def test_a_plan_is_made_in_flight_from_where_the_deputy_will_be(planning, lead):
     (start,) = random_starts(1, seed=9)
     flight, log = rules_flight(program, start)
     planner = program.planner
-    num_searched = sum(effort.num_priced // planner.num_tried for effort in FIRST[planner.num_pushes])
+    efforts = first_searches(program.controller)
+    num_searched = sum(effort.num_priced // planner.num_tried for effort in efforts)
     library.start(flight.start)
     library._functions.set_lead(library._state, lead)
     outputs = np.zeros(len(flight.steps), OUTPUT)

@@ -25,7 +25,7 @@ from fis_tools.compiled.three import (
 )
 from fis_tools.compiled.vectors import Vector, count, least, load, select, some, splat, store
 from pipeline.array_types import Floats, Integers
-from pipeline.flight.period.decide.preview import coast_on
+from pipeline.flight.period.decide.preview import coast_on, previewed_from
 from pipeline.flight.period.decide.thrust import COAST_MARGIN, is_decision
 from pipeline.flight.period.look.guidance import POINTS
 from pipeline.flight.period.look.optics import beam_now, lit_points
@@ -141,7 +141,7 @@ def promise(
     seen_marks: Floats,
 ) -> None:
     """Note what coasting to the end would show each deputy; nothing where that leads near the limits."""
-    world, state = now.world, now.state
+    world, state, instants = now.world, now.state, previewed_from(now.world, now.k)
     sense_room(now, exchange)
     for lane in range(now.num_lanes):
         ahead = exchange.ahead[lane]
@@ -149,7 +149,7 @@ def promise(
         if exchange.room[0, lane] >= margin and state.lanes.num_unseen[lane] > 0.0:
             position = lane_of(state.belief.position, 0, lane)
             velocity = lane_of(state.belief.velocity, 0, lane)
-            coast_on(now, optics, lane, position, velocity, missed, lit_marks, seen_marks)
+            coast_on(now, optics, instants, lane, position, velocity, missed, lit_marks, seen_marks)
             for j in range(world.num_points):
                 ahead[j if optics is not None else world.order[j]] = missed[j]
 

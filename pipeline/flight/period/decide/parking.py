@@ -13,7 +13,7 @@ from math import inf, pi
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, lane_of, write_lane
 from pipeline.array_types import Floats
-from pipeline.flight.period.decide.preview import coast_on
+from pipeline.flight.period.decide.preview import coast_on, previewed_from
 from pipeline.flight.state.arrays import Control, FullOptics, Moment, World, constant_of
 from pipeline.flight.state.signals import constant, slot
 from pipeline.physics.motion import ORBIT_PARTS, drifted_position, position_rows_of
@@ -82,6 +82,7 @@ def sense_parking(
     world, lanes, belief = now.world, now.state.lanes, now.state.belief
     below, margin = constant_of(control, PARK_BELOW), constant_of(control, MARGIN)
     reach, most = constant_of(control, PARK_REACH), world.max_force * world.delta_v_per_force
+    instants = previewed_from(world, now.k)
     is_late = (world.num_controls - now.k) * world.control_period <= constant_of(control, PARK_BEFORE)
     for lane in range(now.num_lanes):
         position, velocity = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
@@ -94,7 +95,9 @@ def sense_parking(
             if is_better and stays(world, margin, position, after):
                 missed = 0
                 if not is_late:
-                    missed, _, _ = coast_on(now, optics, lane, position, after, ahead, lit_marks, seen_marks)
+                    missed, _, _ = coast_on(
+                        now, optics, instants, lane, position, after, ahead, lit_marks, seen_marks
+                    )
                 if missed < below:
                     best, cheapest = push, cost
         lanes.parks[lane] = 1.0 if cheapest < inf else 0.0

@@ -140,13 +140,14 @@ def look_from(
     looks: Floats,
     lit_marks: Floats,
     seen_marks: Floats,
+    is_true: bool,
 ) -> None:
     """Look from a position of the coasting path, m, at sample k, with the Sun as it is then.
 
     Points that are seen from there leave `setting`; of the others `looks` keeps the cheapest look so far.
     On a true course `effect` is what a push now does to that position, else `phi_rows` tell it.
     """
-    world, is_true = now.world, follows_course(now.world.transitions)
+    world = now.world
     beam = beam_from(world, optics, k, sun, height)
     eye = eye_on_chief(world, optics, beam, position)
     for j in range(0, len(setting) if beam.shines else 0, POINTS):
@@ -167,6 +168,58 @@ def look_from(
         if is_true:
             slope = Three(dot(effect[0], direction), dot(effect[1], direction), dot(effect[2], direction))
         keep_cheapest(looks, j, lit, short, slope)
+
+
+@compiled(error_model="numpy", forceinline=True)
+def look_along(
+    now: Moment,
+    optics: FullOptics | None,
+    doubt: Doubt,
+    lane: int,
+    num_looks: int,
+    look_turn: Pair,
+    setting: Floats,
+    looks: Floats,
+    lit_marks: Floats,
+    seen_marks: Floats,
+    is_true: bool,
+) -> None:
+    """Look from the positions of the coasting path of a lane, on a circle or on a true course."""
+    world, lanes, belief, k = now.world, now.state.lanes, now.state.belief, now.k
+    sun = lanes.sun[0, lane], lanes.sun[1, lane]
+    height = lanes.sun_height[0, lane], lanes.sun_height[1, lane]
+    position, velocity = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
+    nothing = Three(0.0, 0.0, 0.0)
+    constants, effect = (position, velocity), (nothing, nothing, nothing)
+    if is_true:
+        constants = constants_at(world.transitions, k, position, velocity)
+    for look in range(1, num_looks + 1):
+        sample = k + look * world.look_stride
+        phi_rows = position_rows_of(world.looks, look)
+        if is_true:
+            sun, height = sun_ahead(now, lane, sample)
+            coasted = position_at(world.transitions, sample, constants)
+            effect = effect_of_push(world.transitions, k, sample)
+        else:
+            sun = turned_back(sun, look_turn)
+            coasted = drifted_position(phi_rows, position, velocity)
+        look_from(
+            now,
+            optics,
+            doubt,
+            lane,
+            sample,
+            phi_rows,
+            effect,
+            coasted,
+            sun,
+            height,
+            setting,
+            looks,
+            lit_marks,
+            seen_marks,
+            is_true,
+        )
 
 
 @compiled(error_model="numpy")
@@ -215,10 +268,9 @@ def sense_push(
 
     The aim adds the urgent direction, which `signals` must hold. `setting` and `looks` are overwritten.
     """
-    world, lanes, belief, k = now.world, now.state.lanes, now.state.belief, now.k
+    world, lanes, k = now.world, now.state.lanes, now.k
     look_angle = world.mean_motion * world.control_period * world.look_stride
     look_turn = cos(look_angle), sin(look_angle)
-    is_true = follows_course(world.transitions)
     rate, damping = 1.0 / constant_of(control, URGENCY_TIME), constant_of(control, SEE_DAMPING)
     horizon, urgent = constant_of(control, SEE_HORIZON), constant_of(control, AIM_URGENT)
     near = constant_of(control, SEE_NEAR)
@@ -228,37 +280,34 @@ def sense_push(
     for lane in range(now.num_lanes):
         push = Three(0.0, 0.0, 0.0)
         if lanes.coasts[lane] == 0.0 and await_dark(now, lane, horizon, deadlines, setting, looks) > 0:
-            sun = lanes.sun[0, lane], lanes.sun[1, lane]
-            height = lanes.sun_height[0, lane], lanes.sun_height[1, lane]
-            position, velocity = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
-            constants, effect = (position, velocity), (push, push, push)
-            if is_true:
-                constants = constants_at(world.transitions, k, position, velocity)
-            for look in range(1, num_looks + 1):
-                sample = k + look * world.look_stride
-                phi_rows = position_rows_of(world.looks, look)
-                if is_true:
-                    sun, height = sun_ahead(now, lane, sample)
-                    coasted = position_at(world.transitions, sample, constants)
-                    effect = effect_of_push(world.transitions, k, sample)
-                else:
-                    sun = turned_back(sun, look_turn)
-                    coasted = drifted_position(phi_rows, position, velocity)
-                look_from(
+            # compiled twice, so that the loop over looks does not branch
+            if follows_course(world.transitions):
+                look_along(
                     now,
                     optics,
                     doubt,
                     lane,
-                    sample,
-                    phi_rows,
-                    effect,
-                    coasted,
-                    sun,
-                    height,
+                    num_looks,
+                    look_turn,
                     setting,
                     looks,
                     lit_marks,
                     seen_marks,
+                    True,
+                )
+            else:
+                look_along(
+                    now,
+                    optics,
+                    doubt,
+                    lane,
+                    num_looks,
+                    look_turn,
+                    setting,
+                    looks,
+                    lit_marks,
+                    seen_marks,
+                    False,
                 )
             push = fitted_push(now, lane, rate, damping, deadlines, setting, looks)
             push = turned_aside(now, control, lane, push, 1.0)
