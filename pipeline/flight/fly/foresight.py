@@ -323,6 +323,17 @@ def sample_of(genes: Floats, num_pushes: int, push: int, num_samples: int) -> in
 
 
 @compiled(error_model="numpy")
+def longest_of(genes: Floats, num_pushes: int, push: int, outlook: Outlook) -> int:
+    """Return how many control periods a push takes: the most along any axis, and 1 of nothing."""
+    longest = 1
+    for axis in range(3):
+        force = genes[3 * push + axis]
+        if abs(force) >= outlook.least_force:
+            longest = max(longest, num_periods(force, outlook.most_force))
+    return longest
+
+
+@compiled(error_model="numpy")
 def num_doubts(tail: Tail, num_pushes: int) -> int:
     """Return how many deviations of pushes there are: along each axis, none of thrusters without errors."""
     return 3 * num_pushes if tail.scale_doubt + tail.tilt_doubt > 0.0 else 0
@@ -332,12 +343,12 @@ def num_doubts(tail: Tail, num_pushes: int) -> int:
 def follow_pushes(
     genes: Floats, num_pushes: int, outlook: Outlook, period: int, constants: Floats, doubts: Floats
 ) -> None:
-    """Write the constants of free motion after the pushes of a plan that begin before a control period.
+    """Write the constants of free motion after what the pushes of a plan fire before a control period.
 
     Columns of `doubts`, see `num_doubts`, are what a deviation of each push along each axis adds to them.
     """
     tail, kicks = outlook.tail, outlook.tail.kicks
-    last = max(0, len(kicks) - 1)
+    stop = min(period, max(0, len(kicks) - 1))
     for q in range(6):
         constants[q] = tail.constants[q]
         for column in range(doubts.shape[1]):
@@ -349,12 +360,12 @@ def follow_pushes(
             force = genes[3 * push + axis]
             if abs(force) >= outlook.least_force:
                 periods = num_periods(force, outlook.most_force)
-                end = min(begin + periods, last)
+                end = min(begin + periods, stop)
                 for q in range(6):
                     constants[q] += (kicks[end, q, axis] - kicks[begin, q, axis]) * force / periods
                 square, longest = square + force * force, max(longest, periods)
         if doubts.shape[1] > 0 and square > 0.0:
-            end = min(begin + longest, last)
+            end = min(begin + longest, stop)
             for axis in range(3):
                 force = genes[3 * push + axis]
                 along = force * force if abs(force) >= outlook.least_force else 0.0
@@ -377,16 +388,19 @@ def doubt_along(tail: Tail, j: int, doubts: Floats) -> float:
 
 @compiled(error_model="numpy")
 def reach_of(
-    tail: Tail, first: int, last: int, constants: Floats, doubts: Floats
+    tail: Tail, first: int, last: int, constants: Floats, doubts: Floats, is_certain: bool
 ) -> tuple[float, float, float]:
     """Return the least and the greatest distance of free motion at rows of a tail, and the least in doubt, m.
 
-    Errors of estimates and thrusters grow along the track: they bring the deputy nearer there.
+    Errors of estimates and thrusters grow along the track: unless it `is_certain`, they bring the deputy
+    nearer there.
     """
     near_square, far_square, nearer_square = np.inf, 0.0, np.inf
     count = len(tail.rows)
     for j in range(max(0, min(first, count)), max(0, min(last + 1, count))):
-        across, ahead, doubt = 0.0, 0.0, doubt_along(tail, j, doubts)
+        across, ahead, doubt = 0.0, 0.0, 0.0
+        if not is_certain:
+            doubt = doubt_along(tail, j, doubts)
         for axis in range(3):
             along = tail.offsets[j, axis]
             for q in range(6):
@@ -409,8 +423,9 @@ def outside_later(
 
     The last two are working space, (6,) and (6, num_doubts).
 
-    After each push the thrusters may fail, at any time up to the next one, or up to the end. It is the most
-    of all these, and the sum of what errors may add after each push.
+    After each push the thrusters may fail, at any time up to the next one, or up to the end, and within one
+    after each control period. It is the most of all these, and the sum of what errors may add after each
+    push.
     """
     tail, last, worst, doubtful = outlook.tail, len(outlook.tail.kicks) - 1, 0.0, 0.0
     num_samples = len(outlook.free)
@@ -418,21 +433,26 @@ def outside_later(
         return worst, doubtful
     for push in range(num_pushes if tail.num_passive > 0 else 0):
         begin = outlook.step * sample_of(genes, num_pushes, push, num_samples)
-        following = last
-        for other in range(num_pushes):
-            at = outlook.step * sample_of(genes, num_pushes, other, num_samples)
-            if begin < at < following:
-                following = at
-        follow_pushes(genes, num_pushes, outlook, begin + 1, constants, doubts)
-        first = int(np.ceil((begin + 1) / tail.spacing))
-        until = int(np.ceil(following / tail.spacing)) + tail.num_passive
-        near, _, nearer = reach_of(tail, first, until, constants, doubts)
-        outside = max(0.0, outlook.nearest - near)
-        worst, doubtful = max(worst, outside), doubtful + max(0.0, outlook.nearest - nearer) - outside
+        longest = longest_of(genes, num_pushes, push, outlook)
+        for fired in range(1, longest + 1):
+            end, is_last = begin + fired, fired == longest
+            following = last if is_last else end
+            for other in range(num_pushes):
+                at = outlook.step * sample_of(genes, num_pushes, other, num_samples)
+                if other != push and at + longest_of(genes, num_pushes, other, outlook) > end:
+                    following = min(following, max(at, end))
+            follow_pushes(genes, num_pushes, outlook, end, constants, doubts)
+            first = int(np.ceil(end / tail.spacing))
+            until = int(np.ceil(following / tail.spacing)) + tail.num_passive
+            near, _, nearer = reach_of(tail, first, until, constants, doubts, not is_last)
+            outside = max(0.0, outlook.nearest - near)
+            worst = max(worst, outside)
+            if is_last:
+                doubtful = doubtful + max(0.0, outlook.nearest - nearer) - outside
     if tail.num_after > 0:
         follow_pushes(genes, num_pushes, outlook, last, constants, doubts)
         end = int(np.ceil(last / tail.spacing))
-        near, far, _ = reach_of(tail, end, end + tail.num_after, constants, doubts)
+        near, far, _ = reach_of(tail, end, end + tail.num_after, constants, doubts, True)
         worst = max(worst, outlook.nearest - near, far - outlook.farthest)
     return worst, doubtful
 

@@ -106,8 +106,8 @@ def _outside_later(
     """Return by how many metres free motion from a sample of a plan leads outside, and what errors may add.
 
     Motion is looked at minute by minute. Along the track what is believed, a state and its covariance, may be
-    off: after a push the deputy may come nearer. The state counts where a push has just ended, or the next
-    one begins, and at the end of the flight.
+    off: after a push the deputy may come nearer. The state counts after each control period of a push, and at
+    the end of the flight.
     """
     mission, (after_s, passive_s) = flight.mission, after
     n, period, stride = mission.orbit.mean_motion_rad_s, mission.control_period_s, flight.periods(TAIL_S)
@@ -128,7 +128,7 @@ def _outside_later(
     if passive_s > 0.0 and k - 1 in pushes:
         last_row = -(-following // stride) + num_rows(passive_s)
         certain, beyond = (max(0.0, limits[0] - reach(last_row, way)[0]) for way in (0.0, 1.0))
-        doubtful = beyond - certain
+        doubtful = 0.0 if k in pushes else beyond - certain
     if after_s > 0.0 and k == mission.num_controls:
         near, far = reach(-(-since // stride) + num_rows(after_s), 0.0)
         certain = max(certain, limits[0] - near, far - limits[1])

@@ -78,11 +78,12 @@ ELLIPSE = {
         ({}, (0.0, 5677.0)),
         ({}, (9_000.0, 3_000.0)),
         ({"navigation": {"mode": "fixes"}, "actuators": {"kind": "real"}}, (9_000.0, 3_000.0)),
+        ({"deputy": {"max_force_n": 0.03}}, (9_000.0, 3_000.0)),
         pytest.param(ELLIPSE, (0.0, 0.0), marks=pytest.mark.slow),
     ],
     ids=[
         *("paper", "camera and shadow", "tumbling", "weak thrusters"),
-        *("what follows the end", "failures", "both", "both, with errors", "ellipse"),
+        *("what follows the end", "failures", "both", "both, with errors", "both, weak thrusters", "ellipse"),
     ],
 )
 def test_a_plan_costs_what_the_reference_says(changes, after):
