@@ -157,7 +157,7 @@ class OnboardProgram:
 def bounds(world: World) -> dict[tuple[str, str], Any]:
     """Return how often those loops run at most whose length is not known."""
     return {
-        ("coast_on", "while"): lambda names: -(-world.num_controls // world.preview_stride) + 1,
+        ("coast_along", "while"): lambda names: -(-world.num_controls // world.preview_stride) + 1,
         ("note_deadlines", "while"): lambda names: world.num_controls,
         ("arrival", "while"): lambda names: len(world.transitions.onward),
         ("count_ranks", "while"): _most_ranks,
