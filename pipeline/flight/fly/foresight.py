@@ -27,8 +27,6 @@ from pipeline.settings.experiment import Mission
 
 #: prices of a metre, m/s: by which a point falls short, more where it is required, and outside the limits
 PRICE_OF_HEIGHT, PRICE_OF_REQUIRED, PRICE_OF_DISTANCE = 0.01, 0.03, 0.05
-#: of a metre by which errors may add to what is outside after a push, m/s
-PRICE_OF_DOUBT = 0.003
 #: metres outside the limits that cost as much as a metre of a way that is too long
 WAY_AS_FAR = 5.0
 #: shortfall of a point that is never lit while the camera works, m
@@ -59,12 +57,13 @@ class Tail(NamedTuple):
     # what thrusters may fire wrongly of a force, along its axis and across it, squares of shares
     scale_doubt: float
     tilt_doubt: float
+    doubt_price: float  # of a metre by which errors may add to what is outside after a push, m/s
 
 
 #: free motion that costs nothing
 NO_TAIL = Tail(
     *(np.zeros((0, 3, 6)), np.zeros((0, 3)), 1.0, np.zeros(6), np.zeros((0, 6, 3)), 0, 0),
-    *(np.zeros(0), 0.0, 0.0),
+    *(np.zeros(0), 0.0, 0.0, 0.0),
 )
 
 
@@ -550,4 +549,4 @@ def price_pushes(genes: Floats, num_pushes: int, needed: int, outlook: Outlook, 
             cost = spent[lane] * outlook.delta_v_per_force
             cost = cost + price_shortfalls(best[:, lane], needed, outlook.required)
             cost = cost + PRICE_OF_DISTANCE * outside[lane]
-            costs[first + lane] = cost + PRICE_OF_DOUBT * doubtful[lane]
+            costs[first + lane] = cost + outlook.tail.doubt_price * doubtful[lane]

@@ -338,6 +338,7 @@ class Deputies:
             doubts=TAIL_SPREADS**2 * np.einsum("ji,ik,jk->j", ahead, self.covariances[flight], ahead),
             scale_doubt=(TAIL_SPREADS * scale) ** 2,
             tilt_doubt=(TAIL_SPREADS * tilt) ** 2,
+            doubt_price=self.constant("foresight_doubt_m_s"),
         )
 
     def _points(self, flight: int) -> tuple[Booleans, int, int]:

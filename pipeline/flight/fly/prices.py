@@ -16,7 +16,6 @@ from pipeline.array_types import Floats, Integers
 from pipeline.flight.fly.foresight import (
     NEVER,
     PRICE_OF_DISTANCE,
-    PRICE_OF_DOUBT,
     PRICE_OF_HEIGHT,
     PRICE_OF_REQUIRED,
     WAY_AS_FAR,
@@ -286,4 +285,4 @@ def price_up_to(
     if len(outlook.tail.rows) > 0:
         later, doubtful = outside_later(genes, num_pushes, outlook, pricing.constants, pricing.doubts)
         outside = max(outside, later)
-    return ((fuel + short) + PRICE_OF_DISTANCE * outside) + PRICE_OF_DOUBT * doubtful
+    return ((fuel + short) + PRICE_OF_DISTANCE * outside) + outlook.tail.doubt_price * doubtful

@@ -10,14 +10,12 @@ from pipeline.flight.reference.motion import transition
 
 #: of a metre by which a point falls short of being seen, and of a metre outside the limits, m/s
 PRICE_OF_HEIGHT, PRICE_OF_DISTANCE = 0.01, 0.05
-#: of a metre by which errors may add to what is outside, m/s
-PRICE_OF_DOUBT = 0.003
 #: what a metre costs more where a point is required, and of a way that is too long between two looks, m/s
 PRICE_OF_REQUIRED, PRICE_OF_WAY = 0.03, 0.25
 #: between the instants at which what follows a plan counts, s
 TAIL_S = 60.0
 #: of what is known
-SURE = (np.zeros((6, 6)), 0.0, 0.0)
+SURE = (np.zeros((6, 6)), 0.0, 0.0, 0.0)
 #: the shortfall of a point that is never lit in view of the camera, m
 NEVER = 1000.0
 
@@ -34,7 +32,7 @@ def price(
     step: int,
     sight: Floats,
     after: tuple[float, float] = (0.0, 0.0),
-    doubts: tuple[Floats, float, float] = SURE,
+    doubts: tuple[Floats, float, float, float] = SURE,
 ) -> float:
     """Return the price of a plan, m/s.
 
@@ -62,6 +60,9 @@ def price(
     after : (float, float)
         How long limits count after the end if nothing is fired, and the least distance after a failure at any
         time after the first push, s.
+    doubts : (array, float, float, float)
+        Covariance of the state, (6, 6), squares of the shares of a push that thrusters may fire wrongly along
+        its axes and across them, and what a metre costs by which all these may lead nearer, m/s.
     """
     mission, period, sensor = flight.mission, flight.mission.control_period_s, flight.mission.sensor
     best, outside, price_of_ways, before = np.full(len(is_left), -NEVER), 0.0, 0.0, state
@@ -90,7 +91,7 @@ def price(
     short = np.cumsum(np.r_[0.0, np.sort(np.maximum(0.0, -best))])
     seen_worse = PRICE_OF_HEIGHT * short[needed[0]] + PRICE_OF_REQUIRED * short[needed[1]]
     spent = sum(float(np.abs(force).sum()) for force in pushes.values()) * period / mission.deputy.mass_kg
-    outside_worse = max(PRICE_OF_DISTANCE * outside, price_of_ways) + PRICE_OF_DOUBT * doubt
+    outside_worse = max(PRICE_OF_DISTANCE * outside, price_of_ways) + doubts[3] * doubt
     return float(spent + seen_worse + outside_worse)
 
 

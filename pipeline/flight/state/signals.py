@@ -313,6 +313,11 @@ CONSTANTS = {
     "foresight_searches": Chosen(
         "how many searches a flight's first plan is the cheapest of; as many as foresight_pushes unless given"
     ),
+    "foresight_doubt_m_s": Chosen(
+        "price of a metre by which errors may lead nearer to the chief after a push; 0.003 unless given, m/s",
+        default=0.003,
+        beside="foresight_pushes",
+    ),
 }
 
 

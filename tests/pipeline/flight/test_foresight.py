@@ -89,8 +89,9 @@ ELLIPSE = {
 def test_a_plan_costs_what_the_reference_says(changes, after):
     flown, generator = mission(attitude={"mode": "ideal"}, **changes), np.random.default_rng(2)
     start, sample, count = replace(STARTS[0], sun_elevation_rad=0.2), 40, 5
-    is_unsure = flown.navigation.mode == "fixes"
+    is_unsure, doubt_price = flown.navigation.mode == "fixes", 0.02
     constants = {"coast_margin_m": "4.0", "coast_below_points": "6", "foresight_points": "3"}
+    constants["foresight_doubt_m_s"] = repr(doubt_price)
     constants |= {"foresight_after_s": repr(after[0]), "foresight_passive_s": repr(after[1])}
     controller = foreseeing(**constants)
     deputies = at_start(flown, flown, controller, [start], 0, 8)
@@ -115,7 +116,8 @@ def test_a_plan_costs_what_the_reference_says(changes, after):
     margin, step = 0.3 + 1.0, 3
     nearest, farthest = flown.deputy.min_distance_m + 4.0 + margin, flown.deputy.max_distance_m - 4.0 - margin
     share, tilt = (0.05, np.radians(2.0)) if is_unsure else (0.0, 0.0)
-    doubts = TAIL_SPREADS**2 * covariances[0], (TAIL_SPREADS * share) ** 2, (TAIL_SPREADS * tilt) ** 2
+    squares = (TAIL_SPREADS * share) ** 2, (TAIL_SPREADS * tilt) ** 2
+    doubts = TAIL_SPREADS**2 * covariances[0], *squares, doubt_price
     sight = np.full(flown.num_controls + 1, 10.0 / np.sin(np.radians(flown.sensor.half_angle_deg)))
     for plan, cost in zip(genes.T, costs, strict=True):
         both = np.where(np.abs(plan[:6]) < outlook.least_force, 0.0, plan[:6]).reshape(2, 3)
