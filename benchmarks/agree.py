@@ -31,7 +31,7 @@ from tests.fis_tools.agreement.forms import FORMS
 from tests.fis_tools.agreement.nearness import Difference
 from tests.fis_tools.agreement.shrunk import shrunk
 
-#: systems that are compared together, and inputs of each
+#: systems that are compared together unless asked otherwise, and inputs of each
 BATCH, NUM_ROWS = 25, 24
 #: what is compared with the definition, which itself must give an answer
 COMPARED = (DEFINITION, *FORMS, *CLAIMS)
@@ -85,6 +85,9 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", action="store_true", help="end at the first difference, as it is")
     parser.add_argument("--only", choices=COMPARED, action="append", help="a comparison, or several")
+    parser.add_argument(
+        "--batch", type=int, default=BATCH, help="systems between looks at the clock"
+    )
     parser.add_argument("--most", type=int, default=20, help="differences that are shrunk, of each form")
     parser.add_argument("--keep", type=Path, default=Path("build/agree"), help="where what differs goes")
     parser.add_argument("--programs", action="store_true", help="compare with other programs, too")
@@ -96,7 +99,7 @@ def main(arguments: Sequence[str]) -> int:
     counts, num_rows, num_systems = Counter[str](), 0, 0
     with tempfile.TemporaryDirectory(prefix="agree-") as root:
         while processor_s() < until:
-            batch = cases(options.seed, number, BATCH)
+            batch = cases(options.seed, number, options.batch)
             number, num_systems = number + 1, num_systems + len(batch)
             num_rows += sum(len(rows) for _, rows in batch)
             if options.first:

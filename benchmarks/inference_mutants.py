@@ -113,6 +113,8 @@ def is_noticed(top: Path, mutant: Mapping[str, Any], seed: int, engine: str) -> 
 def first_difference(top: Path, seed: int, engine: str) -> str:
     """Return what the comparison finds first in a copy, or the end of an error; "" if nothing."""
     command = [sys.executable, "-m", "benchmarks", "agree", "--first", "--minutes=1", f"--seed={seed}"]
+    # in plain Python many systems take far longer than a minute
+    command += ["--batch=1"]
     command += [f"--only={name}" for name in COMPARED[engine]]
     environment = os.environ | {"PYTHONPATH": str(top), "PYTHONDONTWRITEBYTECODE": "1"}
     environment["NUMBA_DISABLE_JIT"] = str(int(engine in COMPILED))
