@@ -85,9 +85,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", action="store_true", help="end at the first difference, as it is")
     parser.add_argument("--only", choices=COMPARED, action="append", help="a comparison, or several")
-    parser.add_argument(
-        "--batch", type=int, default=BATCH, help="systems between looks at the clock"
-    )
+    parser.add_argument("--batch", type=int, default=BATCH, help="systems between looks at the clock")
     parser.add_argument("--most", type=int, default=20, help="differences that are shrunk, of each form")
     parser.add_argument("--keep", type=Path, default=Path("build/agree"), help="where what differs goes")
     parser.add_argument("--programs", action="store_true", help="compare with other programs, too")

@@ -11,7 +11,8 @@ from pipeline.array_types import Floats
 from pipeline.flight.control.controller import RuleController
 from pipeline.flight.fly import aboard
 from pipeline.flight.fly.drift import tail_stride
-from pipeline.flight.fly.foresight import Outlook, num_doubts, samples_coarsely
+from pipeline.flight.fly.foresight import Outlook, samples_coarsely
+from pipeline.flight.fly.free_drift import num_doubts
 from pipeline.flight.fly.outlooks import Deputies, num_missed
 from pipeline.flight.fly.prices import Pricing, list_lit
 from pipeline.flight.fly.pushes import NUM_DRAWS, PlanSearch, breed, num_best, select_cheaper

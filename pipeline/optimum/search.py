@@ -10,7 +10,8 @@ import numpy as np
 
 from pipeline.array_types import Floats
 from pipeline.flight.fly.drift import drift_from, tail_along
-from pipeline.flight.fly.foresight import NO_TAIL, Outlook, Tail, price_pushes
+from pipeline.flight.fly.foresight import NO_TAIL, Outlook, Tail
+from pipeline.flight.fly.prices import price_pushes
 from pipeline.optimum.problem import PlanningProblem
 
 #: largest component of a burn, m/s: twice the most that any case is known to need

@@ -13,8 +13,9 @@ import numpy as np
 from fis_tools.engines.kernel import FEW_LANES
 from pipeline.array_types import Booleans, Floats
 from pipeline.flight.control.controller import RuleController
-from pipeline.flight.fly.foresight import Outlook, lead, price_pushes
+from pipeline.flight.fly.foresight import Outlook, lead
 from pipeline.flight.fly.outlooks import Deputies, at_start
+from pipeline.flight.fly.prices import price_pushes
 from pipeline.flight.fly.pushes import search_pushes
 from pipeline.flight.fly.replanning import FIRST, pushes_of
 from pipeline.flight.state.log import Scenario

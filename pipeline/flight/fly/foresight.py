@@ -1,4 +1,4 @@
-"""What a plan of a few pushes would come to, by geometry alone: its price, without a flight.
+"""Where a plan of a few pushes leads, and what is to be seen from there, by geometry alone, without a flight.
 
 Clohessy-Wiltshire motion is linear: the position at sample k is ``free_k + sum_i gain_(k-i) force_i``. On a
 true course it is ``free_k + rows_k sum_i (sums_(i+1) - sums_i) force_i``. The Sun's motion is known, and so
@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.vectors import least, load, most, some, store
 from pipeline.array_types import Bytes, Floats, Integers
 from pipeline.flight.cases.starts import StartRows
 from pipeline.flight.fly.workspace import make_workspace, optics_in_use
@@ -25,20 +24,12 @@ from pipeline.physics.sight import NORMAL
 from pipeline.physics.transitions import follows_course
 from pipeline.settings.experiment import Mission
 
-#: prices of a metre, m/s: by which a point falls short, more where it is required, and outside the limits
-PRICE_OF_HEIGHT, PRICE_OF_REQUIRED, PRICE_OF_DISTANCE = 0.01, 0.03, 0.05
-#: metres outside the limits that cost as much as a metre of a way that is too long
-WAY_AS_FAR = 5.0
-#: shortfall of a point that is never lit while the camera works, m
-NEVER = -1e3
 #: margin of the camera's pointing error for a slightly different flight
 ERROR_SHARE = 0.2
 #: of so many samples one is looked at first
 COARSE = 8
 #: control periods that no push takes
 MOST_PERIODS = 1_000_000
-#: plans that are evaluated side by side
-PLANS = 16
 
 
 class Tail(NamedTuple):
@@ -319,234 +310,3 @@ def sample_of(genes: Floats, num_pushes: int, push: int, num_samples: int) -> in
         if gene == gene and 0.0 <= gene < num_samples:  # noqa: PLR0124 - NaN is told apart on board
             begin = int(gene)
     return begin
-
-
-@compiled(error_model="numpy")
-def longest_of(genes: Floats, num_pushes: int, push: int, outlook: Outlook) -> int:
-    """Return how many control periods a push takes: the most along any axis, and 1 of nothing."""
-    longest = 1
-    for axis in range(3):
-        force = genes[3 * push + axis]
-        if abs(force) >= outlook.least_force:
-            longest = max(longest, num_periods(force, outlook.most_force))
-    return longest
-
-
-@compiled(error_model="numpy")
-def num_doubts(tail: Tail, num_pushes: int) -> int:
-    """Return how many deviations of pushes there are: along each axis, none of thrusters without errors."""
-    return 3 * num_pushes if tail.scale_doubt + tail.tilt_doubt > 0.0 else 0
-
-
-@compiled(error_model="numpy")
-def follow_pushes(
-    genes: Floats, num_pushes: int, outlook: Outlook, period: int, constants: Floats, doubts: Floats
-) -> None:
-    """Write the constants of free motion after what the pushes of a plan fire before a control period.
-
-    Columns of `doubts`, see `num_doubts`, are what a deviation of each push along each axis adds to them.
-    """
-    tail, kicks = outlook.tail, outlook.tail.kicks
-    stop = min(period, max(0, len(kicks) - 1))
-    for q in range(6):
-        constants[q] = tail.constants[q]
-        for column in range(doubts.shape[1]):
-            doubts[q, column] = 0.0
-    for push in range(num_pushes):
-        begin = outlook.step * sample_of(genes, num_pushes, push, len(outlook.free))
-        square, longest = 0.0, 1
-        for axis in range(3 if begin < period else 0):
-            force = genes[3 * push + axis]
-            if abs(force) >= outlook.least_force:
-                periods = num_periods(force, outlook.most_force)
-                end = min(begin + periods, stop)
-                for q in range(6):
-                    constants[q] += (kicks[end, q, axis] - kicks[begin, q, axis]) * force / periods
-                square, longest = square + force * force, max(longest, periods)
-        if doubts.shape[1] > 0 and square > 0.0:
-            end = min(begin + longest, stop)
-            for axis in range(3):
-                force = genes[3 * push + axis]
-                along = force * force if abs(force) >= outlook.least_force else 0.0
-                wrong = np.sqrt(tail.scale_doubt * along + tail.tilt_doubt * (square - along)) / longest
-                for q in range(6):
-                    doubts[q, 3 * push + axis] = (kicks[end, q, axis] - kicks[begin, q, axis]) * wrong
-
-
-@compiled(error_model="numpy")
-def doubt_along(tail: Tail, j: int, doubts: Floats) -> float:
-    """Return how far along the track free motion may be off at a row of a tail, m."""
-    square = tail.doubts[j]
-    for column in range(doubts.shape[1]):
-        off = 0.0
-        for q in range(6):
-            off += tail.rows[j, 1, q] * doubts[q, column]
-        square += off * off
-    return np.sqrt(square)
-
-
-@compiled(error_model="numpy")
-def reach_of(
-    tail: Tail, first: int, last: int, constants: Floats, doubts: Floats, is_certain: bool
-) -> tuple[float, float, float]:
-    """Return the least and the greatest distance of free motion at rows of a tail, and the least in doubt, m.
-
-    Errors of estimates and thrusters grow along the track: unless it `is_certain`, they bring the deputy
-    nearer there.
-    """
-    near_square, far_square, nearer_square = np.inf, 0.0, np.inf
-    count = len(tail.rows)
-    for j in range(max(0, min(first, count)), max(0, min(last + 1, count))):
-        across, ahead, doubt = 0.0, 0.0, 0.0
-        if not is_certain:
-            doubt = doubt_along(tail, j, doubts)
-        for axis in range(3):
-            along = tail.offsets[j, axis]
-            for q in range(6):
-                along += tail.rows[j, axis, q] * constants[q]
-            if axis == 1:
-                ahead = abs(along)
-            else:
-                across += along * along
-        square, near = across + ahead * ahead, max(0.0, ahead - doubt)
-        near_square, far_square = min(near_square, square), max(far_square, square)
-        nearer_square = min(nearer_square, across + near * near)
-    return np.sqrt(near_square), np.sqrt(far_square), np.sqrt(nearer_square)
-
-
-@compiled(error_model="numpy")
-def outside_later(
-    genes: Floats, num_pushes: int, outlook: Outlook, constants: Floats, doubts: Floats
-) -> tuple[float, float]:
-    """Return how far outside the limits free motion leads after a plan's pushes, and after the end, m.
-
-    The last two are working space, (6,) and (6, num_doubts).
-
-    After each push the thrusters may fail, at any time up to the next one, or up to the end, and within one
-    after each control period. It is the most of all these, and the sum of what errors may add after each
-    push.
-    """
-    tail, last, worst, doubtful = outlook.tail, len(outlook.tail.kicks) - 1, 0.0, 0.0
-    num_samples = len(outlook.free)
-    if len(tail.rows) == 0:
-        return worst, doubtful
-    for push in range(num_pushes if tail.num_passive > 0 else 0):
-        begin = outlook.step * sample_of(genes, num_pushes, push, num_samples)
-        longest = longest_of(genes, num_pushes, push, outlook)
-        for fired in range(1, longest + 1):
-            end, is_last = begin + fired, fired == longest
-            following = last if is_last else end
-            for other in range(num_pushes):
-                at = outlook.step * sample_of(genes, num_pushes, other, num_samples)
-                if other != push and at + longest_of(genes, num_pushes, other, outlook) > end:
-                    following = min(following, max(at, end))
-            follow_pushes(genes, num_pushes, outlook, end, constants, doubts)
-            first = int(np.ceil(end / tail.spacing))
-            until = int(np.ceil(following / tail.spacing)) + tail.num_passive
-            near, _, nearer = reach_of(tail, first, until, constants, doubts, not is_last)
-            outside = max(0.0, outlook.nearest - near)
-            worst = max(worst, outside)
-            if is_last:
-                doubtful = doubtful + max(0.0, outlook.nearest - nearer) - outside
-    if tail.num_after > 0:
-        follow_pushes(genes, num_pushes, outlook, last, constants, doubts)
-        end = int(np.ceil(last / tail.spacing))
-        near, far, _ = reach_of(tail, end, end + tail.num_after, constants, doubts, True)
-        worst = max(worst, outlook.nearest - near, far - outlook.farthest)
-    return worst, doubtful
-
-
-@compiled(error_model="numpy")
-def price_shortfalls(best: Floats, needed: int, required: int) -> float:
-    """Return what it costs by how much the `needed` points nearest to being seen fall short, m/s."""
-    short, short_of_required = 0.0, 0.0
-    # those that fall short of nothing cost nothing, and need no order
-    shortfalls = np.sort(-best[best < 0.0])
-    num_seen = len(best) - len(shortfalls)
-    for j in range(needed - num_seen):
-        short += shortfalls[j]
-        if num_seen + j < required:
-            short_of_required = short
-    return PRICE_OF_HEIGHT * short + PRICE_OF_REQUIRED * short_of_required
-
-
-@compiled(nogil=True, error_model="numpy")
-def price_pushes(genes: Floats, num_pushes: int, needed: int, outlook: Outlook, costs: Floats) -> None:
-    """Compute the price of each of n plans, m/s.
-
-    It is a plan's delta-v, plus a price for each metre by which points fall short of being seen, summed over
-    the nearest ones, plus one for each metre outside the distance limits, or beyond the longest way allowed.
-
-    Parameters
-    ----------
-    genes : (4 num_pushes - 1, n)
-        Forces in N, push by push, then the samples of all pushes but the first; one column per plan.
-    num_pushes, needed : int
-        Number of pushes, the first at the first sample, and of points to see.
-    outlook : Outlook
-    costs : (n,)
-        Filled.
-    """
-    free, normals, points, heights = outlook.free, outlook.normals, outlook.points, outlook.heights
-    is_lit, sight, cos_incidence, max_range = (
-        outlook.is_lit,
-        outlook.sight,
-        outlook.cos_incidence,
-        outlook.max_range,
-    )
-    num_samples, num_points, num_plans = len(free), normals.shape[2], genes.shape[1]
-    effects = np.ascontiguousarray(outlook.gain.transpose(2, 0, 1)).reshape(3, -1)
-    path, spent = np.empty(3 * num_samples), np.empty(PLANS)
-    outside, doubtful = np.empty(PLANS), np.empty(PLANS)
-    positions, best = np.empty((num_samples, 3, PLANS)), np.empty((num_points, PLANS))
-    is_flat = cos_incidence == 0.0 and max_range == np.inf
-    left = np.arange(num_points)
-    order, constants = samples_coarsely(num_samples), np.empty(6)
-    doubts = np.empty((6, num_doubts(outlook.tail, num_pushes)))
-    for first in range(0, num_plans, PLANS):
-        for lane in range(PLANS):
-            # spare lanes repeat the last plan
-            plan = min(first + lane, num_plans - 1)
-            spent[lane] = lead(genes[:, plan], num_pushes, outlook, effects, path)
-            outside[lane], doubtful[lane] = outside_later(
-                genes[:, plan], num_pushes, outlook, constants, doubts
-            )
-            positions[:, :, lane] = path.reshape(-1, 3)
-        best[:], num_left = NEVER, num_points
-        for turn in range(num_samples):
-            # coarsely first: most points are soon seen by all plans
-            k = order[turn]
-            x, y = load(positions, (k, 0, 0), PLANS), load(positions, (k, 1, 0), PLANS)
-            z = load(positions, (k, 2, 0), PLANS)
-            distance = np.sqrt(x * x + y * y + z * z)
-            if k > 0:
-                beyond = most(outlook.nearest - distance, distance - outlook.farthest)
-                if outlook.longest_way < np.inf:
-                    way = abs(x - load(positions, (k - 1, 0, 0), PLANS))
-                    way = most(abs(y - load(positions, (k - 1, 1, 0), PLANS)), way)
-                    way = most(abs(z - load(positions, (k - 1, 2, 0), PLANS)), way)
-                    beyond = most(WAY_AS_FAR * (way - outlook.longest_way), beyond)
-                store(outside, 0, most(beyond, load(outside, 0, PLANS)))
-            room, index = distance - sight[k], 0
-            while index < num_left and sight[k] < np.inf:
-                j = left[index]
-                index += 1
-                if is_lit[k, j]:
-                    height = normals[k, 0, j] * x + normals[k, 1, j] * y + normals[k, 2, j] * z - heights[j]
-                    reached, before = least(height, room), load(best, (j, 0), PLANS)
-                    # incidence and range only lower it: no root where it would not be the best anyway
-                    if not is_flat and some(reached > before):
-                        dx, dy, dz = x - points[k, 0, j], y - points[k, 1, j], z - points[k, 2, j]
-                        apart = np.sqrt(dx * dx + dy * dy + dz * dz)
-                        height = least(height - cos_incidence * apart, max_range - apart)
-                        reached = least(height, room)
-                    reached = most(reached, before)
-                    store(best, (j, 0), reached)
-                    if not some(reached < 0.0):  # seen by all plans, by how much costs nothing
-                        index, num_left = index - 1, num_left - 1
-                        left[index], left[num_left] = left[num_left], j
-        for lane in range(min(PLANS, num_plans - first)):
-            cost = spent[lane] * outlook.delta_v_per_force
-            cost = cost + price_shortfalls(best[:, lane], needed, outlook.required)
-            cost = cost + PRICE_OF_DISTANCE * outside[lane]
-            costs[first + lane] = cost + outlook.tail.doubt_price * doubtful[lane]

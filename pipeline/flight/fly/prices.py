@@ -1,9 +1,10 @@
-"""The price of a plan up to a limit: as `pipeline.flight.fly.foresight.price_pushes` has it, plan by plan.
+"""The price of a plan, without a flight: of many plans side by side, or of one plan up to a limit.
 
-A search only asks whether a plan costs at most as much as another one. Prices are sums of parts that are not
-negative, and rounded addition is monotone: so what a part of them exceeds, the whole exceeds for certain. The
-points that were hardest to see come first, each at the sample at which it was seen last, so that most plans
-are rejected by a few of them. What these functions do is also written as C, see `pipeline.onboard`.
+It is delta-v, and what is missed or leads outside the limits; both ways it is the same number. A search only
+asks whether a plan costs at most as much as another one. Prices are sums of parts that are not negative, and
+rounded addition is monotone: so what a part of them exceeds, the whole exceeds for certain. The points that
+were hardest to see come first, each at the sample at which it was seen last, so that most plans are rejected
+by a few of them. What prices one plan is also written as C, see `pipeline.onboard`.
 """
 
 from typing import NamedTuple
@@ -12,20 +13,115 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import least, load, most, some, store
 from pipeline.array_types import Floats, Integers
-from pipeline.flight.fly.foresight import (
-    NEVER,
-    PRICE_OF_DISTANCE,
-    PRICE_OF_HEIGHT,
-    PRICE_OF_REQUIRED,
-    WAY_AS_FAR,
-    Outlook,
-    num_doubts,
-    num_periods,
-    outside_later,
-    sample_of,
-    samples_coarsely,
-)
+from pipeline.flight.fly.foresight import Outlook, lead, num_periods, sample_of, samples_coarsely
+from pipeline.flight.fly.free_drift import num_doubts, outside_later
+
+#: prices of a metre, m/s: by which a point falls short, more where it is required, and outside the limits
+PRICE_OF_HEIGHT, PRICE_OF_REQUIRED, PRICE_OF_DISTANCE = 0.01, 0.03, 0.05
+#: metres outside the limits that cost as much as a metre of a way that is too long
+WAY_AS_FAR = 5.0
+#: shortfall of a point that is never lit while the camera works, m
+NEVER = -1e3
+#: plans that are evaluated side by side
+PLANS = 16
+
+
+@compiled(error_model="numpy")
+def price_shortfalls(best: Floats, needed: int, required: int) -> float:
+    """Return what it costs by how much the `needed` points nearest to being seen fall short, m/s."""
+    short, short_of_required = 0.0, 0.0
+    # those that fall short of nothing cost nothing, and need no order
+    shortfalls = np.sort(-best[best < 0.0])
+    num_seen = len(best) - len(shortfalls)
+    for j in range(needed - num_seen):
+        short += shortfalls[j]
+        if num_seen + j < required:
+            short_of_required = short
+    return PRICE_OF_HEIGHT * short + PRICE_OF_REQUIRED * short_of_required
+
+
+@compiled(nogil=True, error_model="numpy")
+def price_pushes(genes: Floats, num_pushes: int, needed: int, outlook: Outlook, costs: Floats) -> None:
+    """Compute the price of each of n plans, m/s.
+
+    It is a plan's delta-v, plus a price for each metre by which points fall short of being seen, summed over
+    the nearest ones, plus one for each metre outside the distance limits, or beyond the longest way allowed.
+
+    Parameters
+    ----------
+    genes : (4 num_pushes - 1, n)
+        Forces in N, push by push, then the samples of all pushes but the first; one column per plan.
+    num_pushes, needed : int
+        Number of pushes, the first at the first sample, and of points to see.
+    outlook : Outlook
+    costs : (n,)
+        Filled.
+    """
+    free, normals, points, heights = outlook.free, outlook.normals, outlook.points, outlook.heights
+    is_lit, sight, cos_incidence, max_range = (
+        outlook.is_lit,
+        outlook.sight,
+        outlook.cos_incidence,
+        outlook.max_range,
+    )
+    num_samples, num_points, num_plans = len(free), normals.shape[2], genes.shape[1]
+    effects = np.ascontiguousarray(outlook.gain.transpose(2, 0, 1)).reshape(3, -1)
+    path, spent = np.empty(3 * num_samples), np.empty(PLANS)
+    outside, doubtful = np.empty(PLANS), np.empty(PLANS)
+    positions, best = np.empty((num_samples, 3, PLANS)), np.empty((num_points, PLANS))
+    is_flat = cos_incidence == 0.0 and max_range == np.inf
+    left = np.arange(num_points)
+    order, constants = samples_coarsely(num_samples), np.empty(6)
+    doubts = np.empty((6, num_doubts(outlook.tail, num_pushes)))
+    for first in range(0, num_plans, PLANS):
+        for lane in range(PLANS):
+            # spare lanes repeat the last plan
+            plan = min(first + lane, num_plans - 1)
+            spent[lane] = lead(genes[:, plan], num_pushes, outlook, effects, path)
+            outside[lane], doubtful[lane] = outside_later(
+                genes[:, plan], num_pushes, outlook, constants, doubts
+            )
+            positions[:, :, lane] = path.reshape(-1, 3)
+        best[:], num_left = NEVER, num_points
+        for turn in range(num_samples):
+            # coarsely first: most points are soon seen by all plans
+            k = order[turn]
+            x, y = load(positions, (k, 0, 0), PLANS), load(positions, (k, 1, 0), PLANS)
+            z = load(positions, (k, 2, 0), PLANS)
+            distance = np.sqrt(x * x + y * y + z * z)
+            if k > 0:
+                beyond = most(outlook.nearest - distance, distance - outlook.farthest)
+                if outlook.longest_way < np.inf:
+                    way = abs(x - load(positions, (k - 1, 0, 0), PLANS))
+                    way = most(abs(y - load(positions, (k - 1, 1, 0), PLANS)), way)
+                    way = most(abs(z - load(positions, (k - 1, 2, 0), PLANS)), way)
+                    beyond = most(WAY_AS_FAR * (way - outlook.longest_way), beyond)
+                store(outside, 0, most(beyond, load(outside, 0, PLANS)))
+            room, index = distance - sight[k], 0
+            while index < num_left and sight[k] < np.inf:
+                j = left[index]
+                index += 1
+                if is_lit[k, j]:
+                    height = normals[k, 0, j] * x + normals[k, 1, j] * y + normals[k, 2, j] * z - heights[j]
+                    reached, before = least(height, room), load(best, (j, 0), PLANS)
+                    # incidence and range only lower it: no root where it would not be the best anyway
+                    if not is_flat and some(reached > before):
+                        dx, dy, dz = x - points[k, 0, j], y - points[k, 1, j], z - points[k, 2, j]
+                        apart = np.sqrt(dx * dx + dy * dy + dz * dz)
+                        height = least(height - cos_incidence * apart, max_range - apart)
+                        reached = least(height, room)
+                    reached = most(reached, before)
+                    store(best, (j, 0), reached)
+                    if not some(reached < 0.0):  # seen by all plans, by how much costs nothing
+                        index, num_left = index - 1, num_left - 1
+                        left[index], left[num_left] = left[num_left], j
+        for lane in range(min(PLANS, num_plans - first)):
+            cost = spent[lane] * outlook.delta_v_per_force
+            cost = cost + price_shortfalls(best[:, lane], needed, outlook.required)
+            cost = cost + PRICE_OF_DISTANCE * outside[lane]
+            costs[first + lane] = cost + outlook.tail.doubt_price * doubtful[lane]
 
 
 class Pricing(NamedTuple):

@@ -18,8 +18,8 @@ from pipeline.flight.cases.navigation import as_believed
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import Controller, RuleController
 from pipeline.flight.control.law import ahead_stride
-from pipeline.flight.fly.foresight import price_pushes
 from pipeline.flight.fly.outlooks import Deputies, at_start, finishing, later, rehearsing, rehearsing_once
+from pipeline.flight.fly.prices import price_pushes
 from pipeline.flight.fly.pushes import Effort, PushSearch, search_pushes
 from pipeline.flight.fly.rehearsals import rehearse_tours, rehearsed_costs, rehearsed_openings
 from pipeline.flight.fly.tours import tour_images

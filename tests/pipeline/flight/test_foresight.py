@@ -14,9 +14,9 @@ from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import ControllerError, from_fuzzy, open_loop
 from pipeline.flight.control.law import law_of
 from pipeline.flight.fly import replanning
-from pipeline.flight.fly.foresight import price_pushes
 from pipeline.flight.fly.outlooks import TAIL_SPREADS, at_start, finishing, later, rehearsing
 from pipeline.flight.fly.population import fly_population
+from pipeline.flight.fly.prices import price_pushes
 from pipeline.flight.fly.pushes import Effort, search_pushes
 from pipeline.flight.fly.reference import reference_of
 from pipeline.flight.fly.replanning import COASTING, NUM_RECORDED, REHEARSED, foresee

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.flight.fly.foresight import price_pushes
 from pipeline.flight.fly.outlooks import at_start
-from pipeline.flight.fly.prices import price_up_to, pricing_of
+from pipeline.flight.fly.prices import price_pushes, price_up_to, pricing_of
 from pipeline.flight.fly.pushes import (
     CROSSOVER,
     LEAST_WEIGHT,

@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import linprog
 
 from pipeline.evaluation.after import aftermath
-from pipeline.flight.fly.foresight import NEVER, PLANS, PRICE_OF_DISTANCE, PRICE_OF_HEIGHT
+from pipeline.flight.fly.prices import NEVER, PLANS, PRICE_OF_DISTANCE, PRICE_OF_HEIGHT
 from pipeline.flight.reference.light import sun_direction
 from pipeline.flight.world.coasting import LOOK_AFTER_S, FreeMotion
 from pipeline.optimum import bound, polish
