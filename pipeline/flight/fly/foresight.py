@@ -49,12 +49,13 @@ class Tail(NamedTuple):
     scale_doubt: float
     tilt_doubt: float
     doubt_price: float  # of a metre by which errors may add to what is outside after a push, m/s
+    most_force: float  # along an axis that a safety layer passes on, N: failures may come within a push
 
 
 #: free motion that costs nothing
 NO_TAIL = Tail(
     *(np.zeros((0, 3, 6)), np.zeros((0, 3)), 1.0, np.zeros(6), np.zeros((0, 6, 3)), 0, 0),
-    *(np.zeros(0), 0.0, 0.0, 0.0),
+    *(np.zeros(0), 0.0, 0.0, 0.0, np.inf),
 )
 
 

@@ -14,11 +14,11 @@ from pipeline.flight.fly.foresight import Outlook, Tail, num_periods, sample_of
 @compiled(error_model="numpy")
 def longest_of(genes: Floats, num_pushes: int, push: int, outlook: Outlook) -> int:
     """Return how many control periods a push takes: the most along any axis, and 1 of nothing."""
-    longest = 1
+    longest, most_force = 1, min(outlook.most_force, outlook.tail.most_force)
     for axis in range(3):
         force = genes[3 * push + axis]
         if abs(force) >= outlook.least_force:
-            longest = max(longest, num_periods(force, outlook.most_force))
+            longest = max(longest, num_periods(force, most_force))
     return longest
 
 
@@ -37,7 +37,7 @@ def follow_pushes(
     Columns of `doubts`, see `num_doubts`, are what a deviation of each push along each axis adds to them.
     """
     tail, kicks = outlook.tail, outlook.tail.kicks
-    stop = min(period, max(0, len(kicks) - 1))
+    stop, most_force = min(period, max(0, len(kicks) - 1)), min(outlook.most_force, tail.most_force)
     for q in range(6):
         constants[q] = tail.constants[q]
         for column in range(doubts.shape[1]):
@@ -48,7 +48,7 @@ def follow_pushes(
         for axis in range(3 if begin < period else 0):
             force = genes[3 * push + axis]
             if abs(force) >= outlook.least_force:
-                periods = num_periods(force, outlook.most_force)
+                periods = num_periods(force, most_force)
                 end = min(begin + periods, stop)
                 for q in range(6):
                     constants[q] += (kicks[end, q, axis] - kicks[begin, q, axis]) * force / periods

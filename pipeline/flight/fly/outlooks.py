@@ -339,6 +339,7 @@ class Deputies:
             scale_doubt=(TAIL_SPREADS * scale) ** 2,
             tilt_doubt=(TAIL_SPREADS * tilt) ** 2,
             doubt_price=self.constant("foresight_doubt_m_s"),
+            most_force=self.most_force,
         )
 
     def _points(self, flight: int) -> tuple[Booleans, int, int]:
