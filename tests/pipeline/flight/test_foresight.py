@@ -10,10 +10,12 @@ from fis_tools.compiled.decorator import plainly
 from fis_tools.engines.kernel import LANES
 from fis_tools.formats import serialize
 from fis_tools.formats.c import source as c_source
+from pipeline.command_line.config import compose_experiment
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import ControllerError, from_fuzzy, open_loop
 from pipeline.flight.control.law import law_of
 from pipeline.flight.fly import replanning
+from pipeline.flight.fly.free_drift import num_doubts, outside_later
 from pipeline.flight.fly.outlooks import TAIL_SPREADS, at_start, finishing, later, rehearsing
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.fly.prices import price_pushes
@@ -135,6 +137,23 @@ def test_a_plan_costs_what_the_reference_says(changes, after):
         # two integrators of an orbit differ by a micrometre
         assert cost == pytest.approx(expected, rel=1e-7 if changes is ELLIPSE else 1e-9, abs=1e-9)
         assert 0 < outlook.required < needed < is_left.sum()
+
+
+def test_what_a_safety_layer_passes_on_in_parts_counts_as_of_thrusters_so_weak():
+    controller = foreseeing(foresight_passive_s="5677.0")
+    layered = compose_experiment(["+experiment=evaluate", "world=leo", "safety=robust"]).experiment.mission
+    ((outlook, _),) = at_start(layered, layered, controller, [STARTS[0]], 0, 8).outlooks()
+    assert outlook.tail.most_force < outlook.most_force
+    weak = outlook._replace(most_force=outlook.tail.most_force)
+    free = outlook._replace(tail=outlook.tail._replace(most_force=np.inf))
+    genes = np.random.default_rng(4).normal(0.0, 0.1, (50, 7))
+    genes[:, 6] = np.random.default_rng(5).uniform(0.0, len(outlook.free), 50)
+    constants, doubts = np.empty(6), np.empty((6, num_doubts(outlook.tail, 2)))
+    in_parts, when_weak, at_once = (
+        [outside_later(plan, 2, each, constants, doubts) for plan in genes] for each in (outlook, weak, free)
+    )
+    assert in_parts == when_weak
+    assert in_parts != at_once
 
 
 def test_what_follows_a_plan_about_the_earth_is_what_an_integrator_makes_of_it():
