@@ -1,5 +1,6 @@
 """Every experiment of conf/, and the words that run it in miniature."""
 
+from pipeline.command_line.config import compose_experiment
 from tests.places import PROJECT
 
 EXPERIMENTS = sorted((PROJECT / "conf" / "experiment").glob("*.yaml"))
@@ -21,9 +22,15 @@ FEW = {
 }
 
 
+#: of what chooses among champions by further starts, which are thousands
+FEWER_STARTS = "optimizer.validation_cases=40"
+
+
 def words(experiment: str) -> list[str]:
     """The arguments of a run that ends within seconds, but for its folder."""
     small = [*MINIATURE, *FEW.get(experiment, ())]
+    if compose_experiment([f"+experiment={experiment}"]).experiment.optimizer.validation_cases:
+        small.append(FEWER_STARTS)
     if experiment == "assure":  # which has flights of its own, judged after an hour
         small = [word for word in small if word not in ("monte_carlo.num_cases=3", "duration_s=600.0")]
     return [f"+experiment={experiment}", *small]
