@@ -16,13 +16,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from fis_tools.document import Document, Table, text
-from fis_tools.file_access import write_text
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.statistics import statistic
 from pipeline.gym import task_of
 from pipeline.gym.judge import BY_RULES, fired_by_rules, judge
 from pipeline.gym.suite import TASKS, VERSION
+from plain_files.document import Document, Table, text
+from plain_files.file_access import write_text
 
 #: controllers that come with the product: rules, rules that park, foresight, and a regulator
 FIXED: Final = ("champion_27", "champion_27_parked", "champion_27_rehearsed", "lqr")

@@ -23,7 +23,6 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.document import plain
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
 from pipeline.command_line.config import compose_experiment
@@ -37,6 +36,7 @@ from pipeline.settings.equipment import Actuators, Navigation
 from pipeline.settings.experiment import Optimum
 from pipeline.settings.mission import Dynamics
 from pipeline.stages import fit
+from plain_files.document import plain
 
 STORED = Path(__file__).with_suffix(".json")
 RANDOM_SUN = "sun=random"

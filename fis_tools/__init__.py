@@ -118,8 +118,8 @@ def plot(thing: object, folder: Path | str = "figures", form: str = "png") -> li
 
 def export_c(thing: object, path: Path | str) -> Path:
     """Write one C99 file that infers as Python does; see `fis_tools.formats.c.source.write`."""
-    from fis_tools.file_access import write_text  # noqa: PLC0415
     from fis_tools.formats.c import source  # noqa: PLC0415
+    from plain_files.file_access import write_text  # noqa: PLC0415
 
     write_text(Path(path), source.write(_controller(thing)))
     return Path(path)

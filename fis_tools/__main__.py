@@ -9,7 +9,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from fis_tools.commands import COMMANDS
 from fis_tools.errors import MissingExtra, Mistake
-from fis_tools.streams import guarded, run_program
+from plain_files.streams import guarded, run_program
 
 HELP = """\
 Review a fuzzy controller: look at it, draw it, and ask why it does what it does.

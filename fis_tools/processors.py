@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
 
-from fis_tools.file_access import read_text
+from plain_files.file_access import read_text
 
 #: of a control group, microseconds of processor time in a period, and the period: of version 2, of version 1
 QUOTAS = (("cpu.max",), ("cpu.cfs_quota_us", "cpu.cfs_period_us"))

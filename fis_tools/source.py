@@ -15,10 +15,10 @@ from pathlib import Path
 
 from fis_tools.analysis import flights
 from fis_tools.errors import ControllerFileError, raised_as, suggestion
-from fis_tools.file_access import read_text
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
-from fis_tools.plain_text import parse_json
+from plain_files.file_access import read_text
+from plain_files.plain_text import parse_json
 
 MANIFEST = "manifest.json"
 #: where a folder whose manifest names no champion has it

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from functools import partial
 from typing import NoReturn
 
-from fis_tools.streams import guarded, run_program
 from pipeline.run import interrupts
+from plain_files.streams import guarded, run_program
 
 
 def main(arguments: Sequence[str] | None = None, *, replaces_process: bool = False) -> int:

@@ -2,7 +2,7 @@
 
 from typing import NoReturn
 
-from fis_tools.streams import run_program
+from plain_files.streams import run_program
 from telemetry.commands import TERMINATED, main, silence_finalizers
 
 

@@ -33,8 +33,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
-from fis_tools.file_access import replacing
-from fis_tools.streams import guarded
+from plain_files.file_access import replacing
+from plain_files.streams import guarded
 from telemetry.file import RecordingError, tables
 from telemetry.file.compare import compare as comparison_of
 from telemetry.file.compare import in_words as comparison_in_words

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import grimp
 
-from tests.places import PROJECT
+from tests.places import PACKAGES, PROJECT
 
-PACKAGES = ("pipeline", "fis_tools", "telemetry", "tests", "docs", "benchmarks")
+FOLDERS = (*PACKAGES, "tests", "docs", "benchmarks")
 
 
 def changed_files(since: str | None) -> list[str] | None:
@@ -44,7 +44,7 @@ def distances(changed: Iterable[str]) -> dict[str, int]:
     ``__init__.py``, are no step of their own. From a file that is no module, the first step leads to the
     modules that name it, or lie beside it, and the second to those that name its folder.
     """
-    graph = grimp.build_graph(*PACKAGES, cache_dir=None)
+    graph = grimp.build_graph(*FOLDERS, cache_dir=None)
     packages = {each for each in graph.modules if graph.find_children(each)}
     start = _first_distances(list(changed), graph.modules)
     known: dict[str, int] = {}

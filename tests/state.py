@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fis_tools.streams import Output
+from plain_files.streams import Output
 
 #: what pytest, and scikit-learn as it is imported, write to the environment
 OF_OTHERS = {"PYTEST_CURRENT_TEST", "KMP_DUPLICATE_LIB_OK", "KMP_INIT_AT_FORK"}

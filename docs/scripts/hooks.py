@@ -25,7 +25,7 @@ PROJECT = Path(__file__).resolve().parents[2]
 MADE = PROJECT / "build" / "docs"
 #: of recordings
 SCHEMA = PROJECT / "telemetry" / "file" / "schema" / "inspection.proto"
-PACKAGES = ("fis_tools", "telemetry", "pipeline")
+PACKAGES = ("fis_tools", "telemetry", "pipeline", "plain_files")
 #: where pages that live elsewhere stand in the site
 ELSEWHERE = {
     "CHANGELOG.md": "changes.md",

@@ -15,11 +15,11 @@ import numpy as np
 from fis_tools.analysis.branch_and_bound import Progress, Subdivision, broken, subdivide
 from fis_tools.analysis.condition import Condition, Region, linear_bounds, read_conditions, read_region
 from fis_tools.array_types import Floats
-from fis_tools.document import Document, Paragraph, Result
 from fis_tools.engines import bounded_trees
 from fis_tools.engines.interval import NotBounded
 from fis_tools.model import Inferable, Variable
 from fis_tools.words.text import number, quantity
+from plain_files.document import Document, Paragraph, Result
 
 #: Boxes that are bounded before giving up.
 NUM_BOXES = 200_000

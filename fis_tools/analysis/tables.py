@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fis_tools.array_types import Floats
 from fis_tools.errors import ControllerFileError, MissingExtra, suggestion
-from fis_tools.file_access import open_regular, open_text
+from plain_files.file_access import open_regular, open_text
 
 CSV, PARQUET = ".csv", ".parquet"
 #: the types of words, by their names in Parquet files

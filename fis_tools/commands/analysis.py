@@ -12,9 +12,9 @@ from fis_tools.analysis.bounds import NUM_BOXES, ask, output_ranges
 from fis_tools.analysis.domain import Box, Departure, departures, from_mapping
 from fis_tools.commands.arguments import ControllerArguments, analysing, expected
 from fis_tools.errors import ControllerFileError, Mistake, raised_as
-from fis_tools.file_access import read_text
 from fis_tools.model import whole
-from fis_tools.plain_text import parse_json
+from plain_files.file_access import read_text
+from plain_files.plain_text import parse_json
 
 
 def bounds(

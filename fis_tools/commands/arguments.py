@@ -16,15 +16,15 @@ from fis_tools.analysis.flight_data import Period, Points
 from fis_tools.array_types import Floats
 from fis_tools.engines.tree_inference import infer_tree
 from fis_tools.errors import Mistake, raised_as, require_known
-from fis_tools.file_access import write_bytes
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem, FuzzyTree, tree
 from fis_tools.model.thrust import COUNTED, REASONS, UNKNOWN
 from fis_tools.model.trees import require_unwired
-from fis_tools.plain_text import as_number
 from fis_tools.source import read_controller
 from fis_tools.waiting import waiting
 from fis_tools.words.text import number
+from plain_files.file_access import write_bytes
+from plain_files.plain_text import as_number
 
 #: Rules of a system, and points of its output, beyond which analyses take more than seconds.
 MANY_RULES, MANY_POINTS = 1_000, 10_000

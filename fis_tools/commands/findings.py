@@ -14,7 +14,6 @@ from cyclopts import Parameter, Token
 from fis_tools.analysis import flights
 from fis_tools.commands import arguments
 from fis_tools.commands.arguments import FlightArguments, InstantArguments, Output, analysing
-from fis_tools.document import as_json, text
 from fis_tools.engines.inference import infer
 from fis_tools.errors import Mistake, raised_as, require_known
 from fis_tools.findings import audit as faults
@@ -24,9 +23,10 @@ from fis_tools.findings.difference import difference
 from fis_tools.findings.simplification import Budget
 from fis_tools.model import FuzzyController, tree
 from fis_tools.model.trees import require_unwired
-from fis_tools.plain_text import as_number
 from fis_tools.source import read_controller
 from fis_tools.words import text as wording
+from plain_files.document import as_json, text
+from plain_files.plain_text import as_number
 
 #: A terminal of another width than this is taken as this.
 NARROWEST, WIDEST = 60, 120

@@ -13,7 +13,6 @@ from cyclopts import Parameter
 from fis_tools.analysis import arrays, flights
 from fis_tools.array_types import Floats
 from fis_tools.commands import arguments
-from fis_tools.document import text
 from fis_tools.engines.inference import infer
 from fis_tools.errors import Mistake, raised_as
 from fis_tools.formats.csv import rows_as_text
@@ -21,6 +20,7 @@ from fis_tools.formats.files import file_name
 from fis_tools.model import FuzzyController, FuzzySystem, Inferable, tree, whole
 from fis_tools.source import read_controller
 from fis_tools.words.text import outline
+from plain_files.document import text
 
 if TYPE_CHECKING:
     from fis_tools.render import Figure, Theme

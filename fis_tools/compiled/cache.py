@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from fis_tools.compiled.fingerprint import UnknownPartError, fingerprint
-from fis_tools.file_access import read_bytes, write_bytes
+from plain_files.file_access import read_bytes, write_bytes
 
 CACHE_NAME = "fis-tools"
 #: What is kept at most; what has not been used for the longest time is removed first.

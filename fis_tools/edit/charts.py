@@ -7,9 +7,9 @@ from nicegui import ui
 
 from fis_tools.analysis.arrays import Surface
 from fis_tools.array_types import Floats
-from fis_tools.document import html
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.words import text
+from plain_files.document import html
 
 Options = dict[str, Any]
 

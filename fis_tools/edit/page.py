@@ -8,7 +8,6 @@ from types import MappingProxyType
 
 from nicegui import ui
 
-from fis_tools.document.html import read
 from fis_tools.edit.panels import DocumentPanel, Panel, PanelAnswers, card, changes, findings, heading
 from fis_tools.edit.session import Session
 from fis_tools.edit.system_view import SystemView
@@ -17,6 +16,7 @@ from fis_tools.formats.files import ENDINGS
 from fis_tools.model import FuzzyController
 from fis_tools.review.content import constants
 from fis_tools.words.text import wires_in_words
+from plain_files.document.html import read
 
 PLAIN, MAIN = "flat no-caps", "unelevated no-caps"
 #: Ctrl+Z and Ctrl+Y, which fields of text keep for themselves

@@ -10,11 +10,11 @@ from typing import Protocol
 
 from nicegui import background_tasks, run, ui
 
-from fis_tools.document import Document, html
 from fis_tools.findings import audit as audits
 from fis_tools.findings.difference import difference
 from fis_tools.model import FuzzyController
 from fis_tools.model.intervals import has_intervals
+from plain_files.document import Document, html
 
 #: shows one part of an answer on the page
 Show = Callable[[], object]
@@ -36,7 +36,7 @@ def card(title: str) -> ui.element:
 
 
 def document() -> ui.element:
-    """Put a document there, as ``innerHTML`` from `fis_tools.document.html`, which escapes."""
+    """Put a document there, as ``innerHTML`` from `plain_files.document.html`, which escapes."""
     return ui.element("div").classes("document")
 
 

@@ -20,7 +20,7 @@ from types import FrameType
 from typing import Any
 
 from fis_tools.errors import MissingExtra
-from fis_tools.file_access import write_bytes
+from plain_files.file_access import write_bytes
 
 try:
     import uvicorn

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from itertools import chain, count
 from pathlib import Path
 
-from fis_tools.file_access import sync_folder, write_bytes
 from fis_tools.findings.difference import Difference, difference
 from fis_tools.findings.difference.report import TO, headline, shape_change
 from fis_tools.formats.files import file_name, written
@@ -12,6 +11,7 @@ from fis_tools.formats.serialize import checked, fingerprint, original_name, ren
 from fis_tools.model import FuzzyController
 from fis_tools.model.validate import InvalidSystem, controller_problems
 from fis_tools.words.text import listed, sentence
+from plain_files.file_access import sync_folder, write_bytes
 
 #: the fact that says what a hand changed, and from which content
 EDITED_FROM = "edited_from"

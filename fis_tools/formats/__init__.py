@@ -9,7 +9,7 @@ def _templates() -> Any:
     """Return the templates of this package, each compiled once."""
     from html import escape  # noqa: PLC0415 - as below
 
-    from fis_tools.document.html import environment  # noqa: PLC0415 - few commands write files
+    from plain_files.document.html import environment  # noqa: PLC0415 - few commands write files
 
     forms = environment("fis_tools.formats", "", keep_trailing_newline=True)
     forms.filters |= {"exact": repr, "xml": escape}

@@ -11,8 +11,8 @@ from typing import Any
 
 from fis_tools.model import FuzzyController
 from fis_tools.model.rule_tables import conjunction
-from fis_tools.plain_text import as_number
 from fis_tools.words.text import antecedent_words
+from plain_files.plain_text import as_number
 
 #: what a spreadsheet may take for the beginning of a formula
 FORMULA = ("=", "+", "-", "@", "\t", "\r")

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from fis_tools.document import html, text
 from fis_tools.formats import csv, serialize
 from fis_tools.formats.c import fmu, source
 from fis_tools.model import FuzzyController
 from fis_tools.words.text import outline, rule_list
+from plain_files.document import html, text
 
 
 class Whole(NamedTuple):

@@ -18,12 +18,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from fis_tools.errors import ControllerFileError
-from fis_tools.file_access import read_bytes
 from fis_tools.formats import mapping, notation
 from fis_tools.formats.mapping import to_mapping
 from fis_tools.model import FuzzyController
 from fis_tools.model.validate import LONGEST_NAME
-from fis_tools.plain_text import as_number
+from plain_files.file_access import read_bytes
+from plain_files.plain_text import as_number
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from fis_tools.learning.learner import Consequents, Learned, Recipe, learn_class
 from fis_tools.learning.rules import range_of
 from fis_tools.learning.table import Column, Samples, samples_of
 from fis_tools.model import FuzzySystem
-from fis_tools.plain_text import distinct
+from plain_files.plain_text import distinct
 
 try:
     from sklearn.base import BaseEstimator, ClassifierMixin, RegressorMixin

@@ -20,8 +20,8 @@ from fis_tools.learning import rules
 from fis_tools.learning.table import Column, Samples, TrainingTable, as_table, columns_within, samples_of
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.model.validate import MOST_INPUTS
-from fis_tools.plain_text import distinct
 from fis_tools.source import as_controller
+from plain_files.plain_text import distinct
 
 Consequents = Literal["sets", "constants", "linear"]
 

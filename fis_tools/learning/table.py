@@ -15,9 +15,9 @@ from fis_tools.analysis.tables import name_and_unit
 from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.inputs import columns_of
 from fis_tools.errors import Mistake, require_known
-from fis_tools.file_access import open_text
 from fis_tools.learning.rules import range_of
-from fis_tools.plain_text import as_number, distinct
+from plain_files.file_access import open_text
+from plain_files.plain_text import as_number, distinct
 
 
 class UnreadableTable(Mistake):

@@ -17,7 +17,7 @@ from fis_tools.model.numbers import Formula, Number
 from fis_tools.model.operators import WEIGHING, AndOperator, Defuzzifier, OrOperator, TypeReduction
 from fis_tools.model.semantics import TOOLS, Semantics, sampling_points
 from fis_tools.model.variables import Variable
-from fis_tools.plain_text import plain
+from plain_files.plain_text import plain
 
 
 @dataclass(frozen=True, slots=True)

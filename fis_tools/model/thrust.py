@@ -11,7 +11,7 @@ from math import inf
 from typing import Final
 
 from fis_tools.model.systems import FuzzyController
-from fis_tools.plain_text import as_number
+from plain_files.plain_text import as_number
 
 #: what became of a component of the force: the word in a recording, and in a sentence
 REASONS: Final = {

@@ -14,7 +14,7 @@ from fis_tools.model.membership import MembershipFunction
 from fis_tools.model.numbers import Number
 from fis_tools.model.operators import Accumulation, Aggregation, Defuzzifier
 from fis_tools.model.shapes import SMALLEST_MEMBERSHIP, Sampled
-from fis_tools.plain_text import plain
+from plain_files.plain_text import plain
 
 
 @dataclass(frozen=True, slots=True)

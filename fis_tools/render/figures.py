@@ -13,13 +13,13 @@ from matplotlib.figure import Figure
 
 from fis_tools.analysis.arrays import Surface, output_named, surface
 from fis_tools.array_types import Floats
-from fis_tools.file_access import write_bytes
 from fis_tools.model import FuzzySystem, Inferable, Term, Variable, peak, sample
 from fis_tools.render import lettering, surfaces
 from fis_tools.render.inference import memberships
 from fis_tools.render.rules import firing_map, rule_cells, rule_matrix
 from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Theme, head
 from fis_tools.words.text import with_unit
+from plain_files.file_access import write_bytes
 
 #: A figure has panels for so many combinations of outer terms; the others are left to `surface` and `show`.
 MOST_PANELS = 30

@@ -8,11 +8,11 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-from fis_tools.document import html
 from fis_tools.errors import MissingExtra
-from fis_tools.file_access import write_text
 from fis_tools.model import FuzzyController, FuzzySystem, Variable
 from fis_tools.words.text import outline
+from plain_files.document import html
+from plain_files.file_access import write_text
 
 
 class _Review(ModuleType):

@@ -12,18 +12,18 @@ import numpy as np
 from fis_tools.analysis import arrays, bounds, contribution, shapley
 from fis_tools.analysis.measures import Measures
 from fis_tools.array_types import Floats
-from fis_tools.document import Block, Heading, Items, Paragraph, Table
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.interval import NotBounded
 from fis_tools.errors import ControllerFileError
-from fis_tools.file_access import read_bytes, read_text
 from fis_tools.findings.audit import Audit, Finding
 from fis_tools.model import FuzzyController, FuzzySystem, Variable, peak
-from fis_tools.plain_text import as_number, parse_json
 from fis_tools.review.flown import Evaluation, Flight, SensedInputs
 from fis_tools.review.proved import RIGHT, proof_in_words
 from fis_tools.words import text as wording
 from fis_tools.words.text import amount, number
+from plain_files.document import Block, Heading, Items, Paragraph, Table
+from plain_files.file_access import read_bytes, read_text
+from plain_files.plain_text import as_number, parse_json
 
 #: rules that are no table are listed at the top up to so many
 FEW_RULES = 12

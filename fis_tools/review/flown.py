@@ -13,11 +13,11 @@ import numpy as np
 from fis_tools.analysis import arrays, flights, tables
 from fis_tools.analysis.flight_data import FlightOutcome, FlownSystem
 from fis_tools.array_types import Floats
-from fis_tools.document import Table
 from fis_tools.errors import ControllerFileError, raised_as
-from fis_tools.file_access import read_text
 from fis_tools.model import FuzzyController, FuzzySystem
-from fis_tools.plain_text import parse_json
+from plain_files.document import Table
+from plain_files.file_access import read_text
+from plain_files.plain_text import parse_json
 
 
 @dataclass(frozen=True)

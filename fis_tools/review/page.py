@@ -9,8 +9,6 @@ import numpy as np
 from markupsafe import Markup
 
 from fis_tools.analysis import arrays, shapley
-from fis_tools.document import Block, Document, Figure, Fold, Heading, Items, Paragraph, Table, html
-from fis_tools.document.html import element, png_address, read, template, void
 from fis_tools.engines.compiler import compile
 from fis_tools.errors import MissingExtra
 from fis_tools.findings.audit import Audit, audit, report
@@ -20,6 +18,8 @@ from fis_tools.model.intervals import require_type_1
 from fis_tools.model.trees import require_unwired
 from fis_tools.review import carried, content, flown, transcribed
 from fis_tools.words.text import sentences, shape_words, summary, wires_in_words
+from plain_files.document import Block, Document, Figure, Fold, Heading, Items, Paragraph, Table, html
+from plain_files.document.html import element, png_address, read, template, void
 
 #: what the reviewer ticks before signing, by key
 CHECKS = {

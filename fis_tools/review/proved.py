@@ -7,8 +7,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
-from fis_tools.file_access import read_text
-from fis_tools.plain_text import parse_json, plain
+from plain_files.file_access import read_text
+from plain_files.plain_text import parse_json, plain
 
 #: of a run: what its proof is about
 THEOREM: Final = "prove/theorem.json"

@@ -8,8 +8,6 @@ import numpy as np
 
 from fis_tools import model
 from fis_tools.array_types import Floats
-from fis_tools.document import Block, Document, Heading, Items, Paragraph, Table
-from fis_tools.document.text import aligned
 from fis_tools.engines.inference import Inference, OutputInference
 from fis_tools.model import (
     TOOLS,
@@ -24,6 +22,8 @@ from fis_tools.model import (
 )
 from fis_tools.model.intervals import has_intervals
 from fis_tools.model.trees import tree
+from plain_files.document import Block, Document, Heading, Items, Paragraph, Table
+from plain_files.document.text import aligned
 
 BAR_LENGTH = 20
 #: Memberships and firing strengths below this are left out.

@@ -6,10 +6,10 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
-from fis_tools import plain_yaml
-from fis_tools.file_access import read_bytes, read_shipped
 from pipeline.settings.keys import KNOWN, choices_of, did_you_mean
 from pipeline.settings.places import conf_folder
+from plain_files import plain_yaml
+from plain_files.file_access import read_bytes, read_shipped
 
 #: the group that experiments are chosen from
 EXPERIMENT: Final = "experiment"

@@ -14,13 +14,13 @@ from importlib import import_module
 from inspect import cleandoc
 from typing import Final
 
-from fis_tools.streams import guarded
 from pipeline.command_line import endings
 from pipeline.command_line.arguments import COMMANDS, parse_arguments
 from pipeline.command_line.guide import help_on
 from pipeline.run import interrupts, maker
 from pipeline.run.runner import Interrupted
 from pipeline.settings.places import conf_folder
+from plain_files.streams import guarded
 
 #: the command that compares two runs
 COMPARE = "compare="

@@ -33,11 +33,11 @@ from pathlib import Path
 from re import fullmatch
 from textwrap import TextWrapper
 
-from fis_tools.file_access import read_shipped, read_text
 from pipeline.command_line.arguments import ConfigError
 from pipeline.command_line.choices import options
 from pipeline.settings import schema
 from pipeline.settings.keys import unknown, value_at
+from plain_files.file_access import read_shipped, read_text
 
 #: what people change, groups and keys, in this order
 OFTEN = (

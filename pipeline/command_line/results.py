@@ -4,7 +4,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from fis_tools.document import Block, Document, text
 from pipeline.command_line import endings, runs
 from pipeline.command_line.arguments import CommandParser
 from pipeline.controllers.source import controller_of_run
@@ -15,6 +14,7 @@ from pipeline.report.contents import read_summary
 from pipeline.report.played import MOST_RUNS, EvaluatedRun
 from pipeline.run import artifacts, configuration, tables, typed, writing
 from pipeline.settings.schema import differences, present
+from plain_files.document import Block, Document, text
 
 OK, DIFFERENT = 0, 1
 #: files that `summary` writes into a sweep's folder

@@ -9,7 +9,6 @@ from typing import Any
 
 from hydra.core.override_parser.types import Override
 
-from fis_tools.streams import print_result
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
 from pipeline.command_line.choices import top_of
 from pipeline.command_line.config import Job, compose_experiment
@@ -21,6 +20,7 @@ from pipeline.run.lock import held
 from pipeline.run.runner import Missed, Unimproved, run_stages
 from pipeline.settings import schema
 from pipeline.settings.keys import TAGS, in_todays_words, with_values
+from plain_files.streams import print_result
 
 #: those of stages that end with a sentence of their own; any other sentence is of a proof
 CODES = {Unimproved: UNIMPROVED, Missed: MISSED}

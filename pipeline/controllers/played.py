@@ -19,11 +19,11 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.file_access import open_text
 from pipeline.array_types import Floats
 from pipeline.flight.control.controller import ControllerError, OpenLoopController, open_loop
 from pipeline.flight.state.arrays import Turns
 from pipeline.settings.experiment import Mission
+from plain_files.file_access import open_text
 
 TIME = "time_s"
 HILL_FORCES = ("force_x_n", "force_y_n", "force_z_n")

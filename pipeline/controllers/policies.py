@@ -11,7 +11,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from fis_tools.file_access import read_bytes
 from pipeline.controllers.graph import Graph
 from pipeline.controllers.layers import NUM_FORCES, NUM_LEVELS, UnreadableError
 from pipeline.controllers.learned import Network, Policy, Units
@@ -20,6 +19,7 @@ from pipeline.controllers.operators import ChainReader
 from pipeline.flight.control.controller import Controller, ControllerError, PilotController
 from pipeline.flight.fly.published import NUM_OF_PRIORITY, NUM_PUBLISHED
 from pipeline.flight.fly.stepping import NUM_SEEN
+from plain_files.file_access import read_bytes
 
 MOST_BYTES = 16 << 20
 #: operators and constants of a graph, counted before anything else

@@ -10,7 +10,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from fis_tools.file_access import read_shipped
 from fis_tools.formats import serialize
 from pipeline.controllers.played import read_played
 from pipeline.controllers.policies import read_policy
@@ -22,6 +21,7 @@ from pipeline.settings.controllers import PLANNED, Planned, check_controller
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.keys import choices_of
 from pipeline.settings.places import conf_folder
+from plain_files.file_access import read_shipped
 
 #: endings of files, to what the group ``controller`` says of them besides the path
 FILES: Mapping[str, Mapping[str, str]] = {

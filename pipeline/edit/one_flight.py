@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 from nicegui import ui
 
-from fis_tools.document import html
-from fis_tools.document.html import read
 from fis_tools.edit.charts import AFTER, AXIS_COLOURS, Chart, Options, axis, chart, line
 from fis_tools.edit.panels import Panel, Show, document, set_properties
 from fis_tools.findings.explanation import explain
@@ -20,6 +18,8 @@ from pipeline.flight.state.log import FlightLog
 from pipeline.flight.state.signals import AXES
 from pipeline.recording.foresight import decision_at
 from pipeline.report.scene import flight_table
+from plain_files.document import html
+from plain_files.document.html import read
 from telemetry.page.panel import FOLDER, PACKAGE
 
 REASON_WORDS = tuple(REASONS.values())

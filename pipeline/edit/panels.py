@@ -6,7 +6,6 @@ from functools import partial
 import numpy as np
 from markupsafe import Markup
 
-from fis_tools.document import Cell, Document, Mark, Table, html
 from fis_tools.edit.charts import AFTER, BEFORE, Chart, Options, axis, chart
 from fis_tools.edit.panels import Panel, Show, document, set_properties
 from fis_tools.model import FuzzyController
@@ -16,6 +15,7 @@ from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.evaluation.assurance.verdicts import percent
 from pipeline.evaluation.paired_runs import Compared
 from pipeline.flight.fly.replanning import foresees
+from plain_files.document import Cell, Document, Mark, Table, html
 
 #: bins of the histogram at most, and from one label to the next; flights that are shown
 BINS, LABELLED, MOST, MOST_FAILING = 40, 5, 6, 3

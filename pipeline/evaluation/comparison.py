@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.document import Block, Document, Heading, Paragraph, Table, text
 from pipeline.evaluation import statistics
 from pipeline.evaluation.after import Aftermath
 from pipeline.evaluation.beside_optimum import times_in_words
@@ -18,6 +17,7 @@ from pipeline.flight.state.log import points_needed
 from pipeline.flight.world.pack import inspection_points
 from pipeline.optimum.solved import Solved
 from pipeline.settings.experiment import Experiment
+from plain_files.document import Block, Document, Heading, Paragraph, Table, text
 
 Column = NDArray[Any]
 

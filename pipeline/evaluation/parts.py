@@ -20,7 +20,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from fis_tools.plain_text import parse_json
 from pipeline.evaluation.monte_carlo import deputy_columns, episode_columns, fly_followed, summarised
 from pipeline.evaluation.sequential import LOOK_CASES, Stop
 from pipeline.evaluation.statistics import Column, Columns
@@ -31,6 +30,7 @@ from pipeline.run.engine import TaskPool
 from pipeline.run.progress import Progress
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Experiment
+from plain_files.plain_text import parse_json
 
 #: the notes in a part's file, as JSON: a list of makers, the hash of its rows, their statistics
 MAKERS, ROWS, STATISTICS = "makers", "rows_sha256", "statistics"

@@ -24,12 +24,12 @@ from optuna.storages import JournalStorage
 from optuna.storages.journal import BaseJournalBackend
 from optuna.trial import FrozenTrial, Trial, TrialState
 
-from fis_tools.file_access import read_text
-from fis_tools.plain_text import parse_json
 from pipeline.run import writing
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import HparamsSearch
 from pipeline.settings.training import Dimension, dimensions
+from plain_files.file_access import read_text
+from plain_files.plain_text import parse_json
 
 #: values to try -> mean costs of successive blocks of flights
 Judge = Callable[[Mapping[str, Any]], Iterator[float]]

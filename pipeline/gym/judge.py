@@ -16,8 +16,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.document import Document, Table, text
-from fis_tools.file_access import write_text
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named, sha256_of
 from pipeline.evaluation.beside_optimum import beside_optimum, summarise_times
@@ -36,6 +34,8 @@ from pipeline.run import maker
 from pipeline.run.artifacts import ArtifactError
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Mission
+from plain_files.document import Document, Table, text
+from plain_files.file_access import write_text
 
 NUM_CASES: Final = 1000
 CONFIDENCE_PERCENT: Final = 95.0

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.file_access import read_text
 from fis_tools.words.text import sentence
 from pipeline.flight.state.log import FlightLog
 from pipeline.onboard.messages import REQUIREMENTS
 from pipeline.onboard.program import OnboardProgram
 from pipeline.onboard.recorded import Recorded, vector_of
 from pipeline.onboard.source import Sources
+from plain_files.file_access import read_text
 
 
 def loop_table(program: OnboardProgram) -> Iterator[str]:

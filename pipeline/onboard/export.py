@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from fis_tools.file_access import filling, write_text
 from fis_tools.formats.c.text import WARNINGS, plain
 from pipeline.flight.fly.fleet_logs import fly_logged_fleet
 from pipeline.flight.fly.simulation import fly_logged
@@ -27,6 +26,7 @@ from pipeline.onboard.recorded import Library, Recorded, differing, recorded
 from pipeline.onboard.sizes import Sizes, sizes, stack_table
 from pipeline.onboard.source import Sources, rendered, sources
 from pipeline.settings.fleet import Fleet
+from plain_files.file_access import filling, write_text
 
 #: functions of the source whose meaning is told to the analyser, since it does not know the library's
 SPECIFIED = ("nearest_whole", "power_of_two")

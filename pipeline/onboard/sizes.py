@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from fis_tools.file_access import read_text
 from pipeline.onboard.recorded import FLAGS
+from plain_files.file_access import read_text
 
 _NODE = re.compile(r'node: \{ title: "([^"]+)" label: "(\w+)\\n[^"\\]*(?:\\n(\d+) bytes \((.*?)\))?')
 _EDGE = re.compile(r'edge: \{ sourcename: "([^"]+)" targetname: "([^"]+)"')

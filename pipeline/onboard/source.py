@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.document.html import environment, read
 from fis_tools.formats import serialize
 from fis_tools.formats.c.text import OPENING, broken, comment, plain, table
 from fis_tools.model import conjunctions
@@ -28,6 +27,7 @@ from pipeline.onboard.restart import MOST_APART
 from pipeline.onboard.values import number_text
 from pipeline.onboard.writer import Function, Line
 from pipeline.run.maker import DISTRIBUTION, git_revision, product_version, sources_hash
+from plain_files.document.html import environment, read
 
 #: under which what is exported may be used
 LICENCE = "MIT"

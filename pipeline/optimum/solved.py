@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.file_access import open_text
 from pipeline.array_types import Floats
 from pipeline.flight.state.log import Scenario, points_needed
 from pipeline.flight.world.pack import inspection_points
@@ -19,6 +18,7 @@ from pipeline.scenarios import starts_in
 from pipeline.settings.experiment import SHIPPED, Experiment, Mission, SettingError
 from pipeline.settings.mission import Dynamics
 from pipeline.settings.start_table import POSITION, VELOCITY
+from plain_files.file_access import open_text
 
 Column = NDArray[Any]
 

@@ -16,8 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.file_access import read_shipped, write_text
-from fis_tools.plain_text import parse_json
 from pipeline.controllers import source
 from pipeline.flight.fly.many import fly_many
 from pipeline.flight.state.log import Scenario
@@ -27,6 +25,8 @@ from pipeline.player.shares import arguments_of_shares, rule_shares
 from pipeline.player.webassembly import target_machine, translate, write_module
 from pipeline.settings.experiment import Mission
 from pipeline.settings.mission import Light
+from plain_files.file_access import read_shipped, write_text
+from plain_files.plain_text import parse_json
 
 FOLDER = Path(__file__).parent / "modules"
 #: code for any processor, not yet optimised for this one; numba reads this when it is imported

@@ -9,8 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.file_access import read_shipped
-from fis_tools.plain_text import parse_json
 from pipeline.array_types import Floats
 from pipeline.flight.control.controller import Controller, RuleController
 from pipeline.flight.control.law import rehearsed_pushes
@@ -25,6 +23,8 @@ from pipeline.player.runs import PlayedRun
 from pipeline.player.snapshot import snapshot_of
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Mission
+from plain_files.file_access import read_shipped
+from plain_files.plain_text import parse_json
 from telemetry.page.panel import packed
 
 PACKAGE = "pipeline.player"

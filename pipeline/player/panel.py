@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.document.html import ScriptedPanel, read
 from fis_tools.model.thrust import COMPONENTS, REASONS
 from fis_tools.review import carried, transcribed
 from pipeline.flight.world.chief import chief_attitudes
@@ -13,6 +12,7 @@ from pipeline.player.arguments import PLAIN
 from pipeline.player.flown import PACKAGE, as_text, module, tells_reasons
 from pipeline.player.motion import free_motion
 from pipeline.player.runs import Carried, PlayedCases, PlayedPage, PlayedRun
+from plain_files.document.html import ScriptedPanel, read
 from telemetry.page import panel as recorded
 
 #: of the review of rules, which the player infers with

@@ -18,8 +18,8 @@ from llvmlite import binding
 
 from fis_tools.compiled import borrowed_code  # noqa: F401 - registers our vectors with numba
 from fis_tools.compiled.shipped.build import without_words, without_wrappers
-from fis_tools.file_access import write_bytes
 from pipeline.player.memory import Leaf
+from plain_files.file_access import write_bytes
 
 #: of functions that are inlined in a module that shall be small
 FEW_INSTRUCTIONS = 25

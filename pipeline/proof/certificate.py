@@ -13,7 +13,6 @@ from typing import Any, Final, NamedTuple
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from fis_tools.file_access import read_bytes
 from pipeline.proof.strict import (
     Reader,
     count,
@@ -28,6 +27,7 @@ from pipeline.proof.strict import (
     text,
     texts,
 )
+from plain_files.file_access import read_bytes
 
 AXES: Final = (("x", "radial"), ("y", "along_track"), ("z", "cross_track"))
 CORNERS: Final = ("left", "peak", "right")

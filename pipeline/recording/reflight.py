@@ -12,7 +12,6 @@ import numpy as np
 import telemetry
 from fis_tools.analysis.flights import CONTROLLER_ATTACHMENT
 from fis_tools.formats import serialize
-from fis_tools.plain_text import parse_json
 from pipeline.controllers import source
 from pipeline.controllers.played import from_mapping
 from pipeline.controllers.policies import policy_of
@@ -23,6 +22,7 @@ from pipeline.recording.recorder import CONFIG_ATTACHMENT, FlightRecorder
 from pipeline.run import configuration
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.schema import experiment_from
+from plain_files.plain_text import parse_json
 from telemetry import RecordingError
 from telemetry.file.compare import Comparison, compare
 from telemetry.file.recording import Recording

@@ -9,7 +9,6 @@ import numpy as np
 from markupsafe import Markup
 
 from fis_tools.analysis import arrays
-from fis_tools.document.html import policy, read, template
 from fis_tools.model import FuzzySystem, Variable, conjunctions, peak
 from fis_tools.words.text import sentence
 from pipeline.evaluation.assurance.evidence import joint_words
@@ -22,6 +21,7 @@ from pipeline.report.evidence import css, factors, number, proved_by
 from pipeline.report.figures.style import Illustration, caption_of
 from pipeline.settings.keys import unit_of
 from pipeline.settings.schema import as_yaml
+from plain_files.document.html import policy, read, template
 
 #: more rules do not stand on a sheet
 MOST_RULES = 60

@@ -9,12 +9,12 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from fis_tools.document.html import element
 from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.formula import OF_COASTING, kind_of, parse, predicates
 from pipeline.evaluation.assurance.quantities import units_for
 from pipeline.flight.world.coasting import FreeMotion
 from pipeline.settings.experiment import Mission
+from plain_files.document.html import element
 
 #: flights that are drawn, of the first cases
 MOST_DRAWN = 200

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.file_access import open_regular, open_text, read_bytes
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.blocks import blocks_of, number_of, values_at
 from pipeline.evaluation.comparison import PAPER_TEST, PAPER_TRAINING, ComparisonRow, Reported
@@ -30,6 +29,7 @@ from pipeline.scenarios import evaluation_scenarios, start_shown, training_scena
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.keys import value_at
 from pipeline.settings.start_table import POSITION, TRAINING
+from plain_files.file_access import open_regular, open_text, read_bytes
 
 #: of a row of starts that are read
 MOST_BYTES = 1000

@@ -9,8 +9,6 @@ from typing import Any
 import yaml
 from markupsafe import Markup
 
-from fis_tools.document import Block, Code, Document, Figure, Fold, Heading, Items, Mark, Paragraph, Table
-from fis_tools.document.html import ScriptedPanel, element, page, read, template
 from pipeline.evaluation.assurance.evidence import joint_words
 from pipeline.evaluation.assurance.judgements import ORDER
 from pipeline.evaluation.assurance.repeats import repeats_in_words
@@ -21,6 +19,8 @@ from pipeline.report.figures.style import Illustration, caption_of
 from pipeline.run import artifacts, typed
 from pipeline.settings.keys import unit_of
 from pipeline.settings.schema import as_yaml
+from plain_files.document import Block, Code, Document, Figure, Fold, Heading, Items, Mark, Paragraph, Table
+from plain_files.document.html import ScriptedPanel, element, page, read, template
 
 #: ways of verification, as circles are lettered and columns are headed
 METHODS = {name: name.replace("_", " ") for name in ALL_METHODS}

@@ -3,10 +3,10 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from fis_tools.document import Block, Code, Document, Heading, Items, Paragraph, Table
-from fis_tools.document.html import ScriptedPanel, page, read
 from pipeline.report.figures.style import caption_of
 from pipeline.run import typed
+from plain_files.document import Block, Code, Document, Heading, Items, Paragraph, Table
+from plain_files.document.html import ScriptedPanel, page, read
 
 #: rows of the table of flights, by their keys in the summary
 ROWS = {"shipped": "", "fitted": "fitted", "layered": "with safety=filter", "planned": "planning"}

@@ -3,8 +3,6 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from fis_tools.document import Block, Code, Document, Heading, Paragraph, Table
-from fis_tools.document.html import ScriptedPanel, page, policy, template
 from fis_tools.words.text import summary
 from pipeline.evaluation import comparison
 from pipeline.evaluation.monte_carlo import SUCCESS
@@ -19,6 +17,8 @@ from pipeline.run import artifacts, typed
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.keys import TAGS
 from pipeline.settings.start_table import POSITION
+from plain_files.document import Block, Code, Document, Heading, Paragraph, Table
+from plain_files.document.html import ScriptedPanel, page, policy, template
 
 INSPECTABLE = "inspectable_rate_percent"
 #: metrics of the summary with their decimals, and shares of flights

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.document.html import ScriptedPanel
 from fis_tools.errors import ControllerFileError
 from pipeline.controllers.source import named
 from pipeline.evaluation.blocks import number_of, values_at
@@ -38,6 +37,7 @@ from pipeline.report.scene import recorded_table, told_reasons
 from pipeline.run import typed
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Experiment, Mission
+from plain_files.document.html import ScriptedPanel
 from telemetry.file.reader import read
 
 #: runs beside each other at most

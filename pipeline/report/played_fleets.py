@@ -6,7 +6,6 @@ from typing import Final
 
 import numpy as np
 
-from fis_tools.document.html import ScriptedPanel
 from pipeline.evaluation.blocks import blocks_of, number_of, values_at
 from pipeline.evaluation.ranks import from_worst_to_best
 from pipeline.evaluation.statistics import Columns
@@ -28,6 +27,7 @@ from pipeline.report.scene import recorded_table
 from pipeline.run import typed
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Experiment
+from plain_files.document.html import ScriptedPanel
 
 WHY: Final = "what flies cases in a page flies one deputy"
 #: how a page calls the deputies beside each other

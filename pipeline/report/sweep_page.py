@@ -5,7 +5,6 @@ from functools import reduce
 
 import numpy as np
 
-from fis_tools.document import Block, Code, Document, Figure, Heading, Items, Paragraph, Table, html
 from pipeline.evaluation.paired_runs import METRICS, REPLICATE, Compared, Effect, Metric, common_cases
 from pipeline.evaluation.statistics import Columns
 from pipeline.report.figures.comparison import front_of_runs
@@ -13,6 +12,7 @@ from pipeline.report.figures.style import caption_of, illustrate, style
 from pipeline.report.played import EvaluatedRun, player_of_runs
 from pipeline.report.sweep import SweepResults
 from pipeline.run import typed
+from plain_files.document import Block, Code, Document, Figure, Heading, Items, Paragraph, Table, html
 
 #: heading of the shares of fuel, where a run chose pushes ahead
 FUEL_SHARES = "fuel by rules / chosen ahead (%)"

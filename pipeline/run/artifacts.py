@@ -8,10 +8,10 @@ from contextlib import contextmanager
 from pathlib import Path, PurePath
 from typing import Any, Final
 
-from fis_tools.file_access import open_regular, read_text
-from fis_tools.plain_text import parse_json
 from pipeline.settings import plugged
 from pipeline.settings.stages import STAGES
+from plain_files.file_access import open_regular, read_text
+from plain_files.plain_text import parse_json
 
 CONFIG: Final = "config.yaml"
 MANIFEST: Final = "manifest.json"

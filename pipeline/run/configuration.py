@@ -8,12 +8,12 @@ from typing import Any, Final
 
 import yaml
 
-from fis_tools import plain_yaml
-from fis_tools.file_access import read_bytes
-from fis_tools.plain_text import plain
 from pipeline.run.artifacts import CONFIG, ArtifactError, explained, require
 from pipeline.run.writing import write_atomically
 from pipeline.settings.schema import only_results
+from plain_files import plain_yaml
+from plain_files.file_access import read_bytes
+from plain_files.plain_text import plain
 
 #: of a configuration that is read
 MOST_CONFIG_BYTES: Final = 2 * 1024 * 1024

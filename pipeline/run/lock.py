@@ -14,9 +14,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Final
 
-from fis_tools.file_access import open_folder, open_lock, open_text
-from fis_tools.plain_text import parse_json
 from pipeline.run import artifacts, writing
+from plain_files.file_access import open_folder, open_lock, open_text
+from plain_files.plain_text import parse_json
 
 LOCK: Final = ".lock"
 

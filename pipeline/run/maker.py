@@ -24,8 +24,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
-from fis_tools.file_access import read_shipped
 from pipeline.settings import plugged
+from plain_files.file_access import read_shipped
 
 DISTRIBUTION: Final = "fuzzy-spacecraft-inspection"
 SOURCES: Final = Path(__file__).resolve().parents[2]
@@ -45,7 +45,7 @@ LIBRARIES: Final = (
     "rerun-sdk",
 )
 #: packages whose sources affect results
-PACKAGES: Final = ("pipeline", "fis_tools", "telemetry")
+PACKAGES: Final = ("pipeline", "fis_tools", "telemetry", "plain_files")
 #: properties of a processor that affect last digits; the rest is for the record
 ROUNDING: Final = ("machine", "libm", "numpy", "blas")
 

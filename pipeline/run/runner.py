@@ -9,11 +9,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from fis_tools.streams import guarded
 from pipeline.run import artifacts, configuration, interrupts, maker, manifests, typed, writing
 from pipeline.settings import plugged
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.stages import STAGES, in_order
+from plain_files.streams import guarded
 
 _LOG = logging.getLogger("pipeline")
 

@@ -11,10 +11,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from fis_tools.file_access import open_regular
 from fis_tools.formats.csv import rows_as_text
 from pipeline.run import artifacts, writing
 from pipeline.settings.sizes import BLOCK_ROWS
+from plain_files.file_access import open_regular
 
 #: rows that a table's groups have, however many were written at a time, and rows of CSV written at a time
 GROUP_ROWS, CSV_ROWS = BLOCK_ROWS, 1000

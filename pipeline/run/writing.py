@@ -9,9 +9,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from fis_tools.file_access import UNFINISHED, replacing
 from pipeline.run.artifacts import CONFIG, ArtifactError
 from pipeline.settings.keys import dotted
+from plain_files.file_access import UNFINISHED, replacing
 
 
 class WriteError(OSError):

@@ -5,10 +5,10 @@ from typing import Final
 
 import numpy as np
 
-from fis_tools.file_access import read_bytes
 from pipeline.array_types import Floats
 from pipeline.settings.checks import SettingError
 from pipeline.settings.places import conf_folder
+from plain_files.file_access import read_bytes
 
 #: most triangles; beyond this, looking from every point in every direction takes minutes
 MOST_TRIANGLES = 20_000

@@ -13,9 +13,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fis_tools.file_access import read_text
 from pipeline.settings.checks import SettingError
 from pipeline.settings.keys import did_you_mean
+from plain_files.file_access import read_text
 
 if TYPE_CHECKING:
     import numpy as np

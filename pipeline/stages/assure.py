@@ -12,9 +12,7 @@ from typing import Any
 import numpy as np
 
 from fis_tools.analysis.domain import as_mapping
-from fis_tools.file_access import read_bytes
 from fis_tools.formats.serialize import fingerprint
-from fis_tools.plain_text import parse_json
 from pipeline.controllers.source import controller_of_run, sha256_of
 from pipeline.evaluation import sequential
 from pipeline.evaluation.assurance import evidence, repeats
@@ -71,6 +69,8 @@ from pipeline.run.engine import TaskPool, open_pool
 from pipeline.run.progress import Progress
 from pipeline.scenarios import DrawnCases
 from pipeline.settings.experiment import Assurance, Experiment
+from plain_files.file_access import read_bytes
+from plain_files.plain_text import parse_json
 from telemetry.file import reader
 from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
 

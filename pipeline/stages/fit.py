@@ -12,8 +12,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from fis_tools.document import plain
-from fis_tools.document.html import ScriptedPanel
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
 from pipeline.evaluation import fitting
@@ -35,6 +33,8 @@ from pipeline.training.genome import genome_of
 from pipeline.training.judging import evolved
 from pipeline.training.progress import TrainingProgress
 from pipeline.training.similarity import Limitation, limitations
+from plain_files.document import plain
+from plain_files.document.html import ScriptedPanel
 
 #: the table of the competition is written at most once in this many seconds: each time waits for the disk
 WRITE_EVERY_S: Final = 1.0

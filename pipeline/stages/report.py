@@ -3,7 +3,6 @@
 import sys
 from pathlib import Path
 
-from fis_tools.document.html import ScriptedPanel
 from fis_tools.errors import ControllerFileError
 from fis_tools.review import page as review
 from pipeline.report.contents import Contents, gather
@@ -12,6 +11,7 @@ from pipeline.report.pictures import OWN_FILES, draw
 from pipeline.report.played import player_of_run
 from pipeline.run import artifacts, writing
 from pipeline.settings.experiment import Experiment
+from plain_files.document.html import ScriptedPanel
 
 
 def run(experiment: Experiment, folder: Path) -> None:

@@ -15,7 +15,7 @@ from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import Message
 from numpy.typing import NDArray
 
-from fis_tools.plain_text import plain
+from plain_files.plain_text import plain
 from telemetry.array_types import Bytes, Floats
 from telemetry.file import RecordingError, topics
 from telemetry.file.schema import inspection_pb2

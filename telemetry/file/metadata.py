@@ -12,7 +12,7 @@ from dataclasses import MISSING, dataclass, fields
 from datetime import UTC, datetime, timedelta
 from typing import Any, Final, Self
 
-from fis_tools.plain_text import parse_json, plain
+from plain_files.plain_text import parse_json, plain
 from telemetry.file import RecordingError
 
 #: keys with text, and with lists of words; all others have numbers

@@ -5,7 +5,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from fis_tools import file_access
+from plain_files import file_access
 
 PARTIAL_SUFFIX: Final = ".partial"
 

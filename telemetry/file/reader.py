@@ -22,7 +22,7 @@ from mcap.records import Channel, Chunk, McapRecord, Message, Schema
 from mcap.stream_reader import MAGIC_SIZE
 from mcap.writer import MCAP0_MAGIC
 
-from fis_tools.file_access import open_regular
+from plain_files.file_access import open_regular
 from telemetry.file import RecordingError, claims, columns, explained, topics
 from telemetry.file.layout import Layout
 from telemetry.file.metadata import FisDescription, epoch_ns_of, unsealed

@@ -17,7 +17,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, DataEnd, McapRecord, Message, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
-from fis_tools.file_access import read_bytes, replacing
+from plain_files.file_access import read_bytes, replacing
 from telemetry.file import RecordingError, claims, explained, topics
 from telemetry.file.claims import ChunkHead
 from telemetry.file.metadata import epoch_ns_of, sealed, unsealed

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.file_access import replacing
+from plain_files.file_access import replacing
 from telemetry.file import RecordingError, explained, topics
 from telemetry.file.columns import arrow_table
 from telemetry.file.recording import Recording, TopicColumns

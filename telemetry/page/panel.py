@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from fis_tools.document.html import ScriptedPanel, read, template
+from plain_files.document.html import ScriptedPanel, read, template
 
 PACKAGE = "telemetry.page"
 FOLDER = Path(__file__).parent

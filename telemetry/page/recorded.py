@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.document import Block, Document, Heading, Paragraph
-from fis_tools.document.html import page
+from plain_files.document import Block, Document, Heading, Paragraph
+from plain_files.document.html import page
 from telemetry.array_types import Booleans, Floats
 from telemetry.file import RecordingError, topics
 from telemetry.file.reader import read

@@ -11,8 +11,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.file_access import open_regular, read_text
-from fis_tools.plain_text import parse_json
+from plain_files.file_access import open_regular, read_text
+from plain_files.plain_text import parse_json
 from telemetry.array_types import Floats, Integers
 from telemetry.file import RecordingError, explained
 
@@ -243,7 +243,7 @@ def _surroundings(folder: Path) -> Surroundings:
     path = file_of(folder, "configuration")
     if not path.exists():
         return Surroundings()
-    from fis_tools import plain_yaml  # noqa: PLC0415 - only runs have a configuration
+    from plain_files import plain_yaml  # noqa: PLC0415 - only runs have a configuration
 
     with explained(f"{path} cannot be read", "restore it, or remove it", ValueError):
         config = plain_yaml.parse(read_text(path, MOST_CONFIG_BYTES), MOST_CONFIG_BYTES)

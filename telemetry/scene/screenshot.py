@@ -13,7 +13,7 @@ from typing import IO, Final
 from PIL import Image, ImageChops
 from rerun.experimental import ViewerClient
 
-from fis_tools.file_access import read_bytes, replacing
+from plain_files.file_access import read_bytes, replacing
 from telemetry.file import RecordingError, explained
 from telemetry.scene import blueprint, campaign, replay, viewer
 

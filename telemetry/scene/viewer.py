@@ -16,7 +16,7 @@ from typing import IO, Any, Final
 import rerun as rr
 import rerun.blueprint as rrb
 
-from fis_tools.file_access import replacing
+from plain_files.file_access import replacing
 from telemetry.file import RecordingError, explained
 
 APPLICATION: Final = "fuzzy-spacecraft-inspection"

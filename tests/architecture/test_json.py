@@ -4,12 +4,12 @@ import ast
 
 import pytest
 
-from tests.places import PROJECT
+from tests.places import PACKAGES, PROJECT
 
 #: readers of their own: ours in a strict notation, the checker that imports no code of ours, and evolution,
 #: which knows no other package
 OWN_READERS = {
-    "fis_tools/plain_text.py",
+    "plain_files/plain_text.py",
     "fis_tools/formats/notation.py",
     "pipeline/proof/strict.py",
     "pipeline/training/evolution/state.py",
@@ -55,7 +55,7 @@ def test_every_way_to_parse_is_noticed(code):
 
 def test_json_is_parsed_in_one_place():
     parsed = set()
-    for package in ("pipeline", "fis_tools", "telemetry"):
+    for package in PACKAGES:
         for path in (PROJECT / package).rglob("*.py"):
             tree = ast.parse(path.read_text(encoding="utf-8"))
             copied = {node.func for node in ast.walk(tree) if isinstance(node, ast.Call) and is_copied(node)}

@@ -12,7 +12,7 @@ from pipeline.flight.state.signals import CONSTANTS, SIGNALS
 from pipeline.settings.controllers import PLANNED, ControllerSettings
 from pipeline.settings.groups import tags_of
 from pipeline.settings.stages import STAGES
-from tests.places import PROJECT
+from tests.places import PACKAGES, PROJECT
 
 #: what can be added to, and the files that may enumerate it: the list itself, and what needs no addition
 LISTS: dict[str, tuple[Collection[str], set[str]]] = {
@@ -27,7 +27,7 @@ LISTS: dict[str, tuple[Collection[str], set[str]]] = {
     # the first has names of options, which happen to be these
     "planning kinds": (PLANNED, {"pipeline/settings/experiment.py"}),
 }
-FOLDERS = ("pipeline", "fis_tools", "telemetry", "tests", "benchmarks", "docs")
+FOLDERS = (*PACKAGES, "tests", "benchmarks", "docs")
 WORDS = re.compile(r"[A-Za-z_][\w.]*")
 
 

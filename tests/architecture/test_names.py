@@ -6,11 +6,10 @@ from collections import defaultdict
 import pytest
 
 from pipeline import constants
-from tests.places import PROJECT
+from tests.places import PACKAGES, PROJECT
 
 #: words that fit anything: that it is somewhere, or that somebody found it or wanted it
 NAMELESS = {"place", "places", "found", "own", "asked", "told", "one"}
-PACKAGES = ("pipeline", "fis_tools", "telemetry")
 #: compiled code that protobuf writes
 GENERATED = "_pb2.py"
 

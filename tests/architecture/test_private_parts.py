@@ -6,7 +6,7 @@ from importlib import import_module, metadata
 
 import pytest
 
-from tests.places import PROJECT
+from tests.places import PACKAGES, PROJECT
 
 #: the only modules that import a package's private parts
 DOORS = {"hydra": "pipeline/command_line/hydra_parts.py"}
@@ -14,7 +14,7 @@ DOORS = {"hydra": "pipeline/command_line/hydra_parts.py"}
 
 def private_imports() -> Iterator[tuple[str, str, str]]:
     """Files of the product, with the modules and the names that they import from ``_internal`` folders."""
-    for package in ("pipeline", "fis_tools", "telemetry"):
+    for package in PACKAGES:
         for path in sorted((PROJECT / package).rglob("*.py")):
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 if isinstance(node, ast.ImportFrom) and "_internal" in (node.module or "").split("."):

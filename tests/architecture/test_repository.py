@@ -10,7 +10,7 @@ import pytest
 import yaml
 from packaging.requirements import Requirement
 
-from tests.places import PROJECT
+from tests.places import PACKAGES, PROJECT
 
 TABLE = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 TOOLKIT = tomllib.loads((PROJECT / "fis_tools" / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -93,14 +93,14 @@ def test_both_locks_have_the_same_versions():
 
 def test_fuzzy_tools_have_never_heard_of_space():
     words = re.compile(r"\b(chief|deputy|orbit|spacecraft|satellite|hill|thruster|camera)\b", re.IGNORECASE)
-    for path in (PROJECT / "fis_tools").rglob("*.py"):
+    for path in (path for name in ("fis_tools", "plain_files") for path in (PROJECT / name).rglob("*.py")):
         text = path.read_text(encoding="utf-8").replace("fuzzy-spacecraft-inspection", "")
         assert not words.search(text), path
 
 
 def test_the_architecture_page_places_every_folder():
     page = next((PROJECT / "docs").rglob("architecture.md")).read_text(encoding="utf-8")
-    for package in ("pipeline", "fis_tools", "telemetry"):
+    for package in PACKAGES:
         for path in (PROJECT / package).iterdir():
             if (path / "__init__.py").exists():
                 assert f"`{path.name}/`" in page, f"{path.relative_to(PROJECT)} has no place"

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-from tests.smoke.file_calls import DOOR, PACKAGES, READERS, calls
+from tests.places import PACKAGES
+from tests.smoke.file_calls import DOOR, READERS, calls
 
 #: sets that are being filled; a hook that was added stays
 _open: list[set[str]] = []
@@ -13,7 +14,7 @@ _hooked: list[bool] = []
 
 
 def reading_sites() -> frozenset[str]:
-    """Return every function of the three packages that opens a file for reading, by the source.
+    """Return every function of the packages that opens a file for reading, by the source.
 
     Without those whose line says that the program wrote the file itself.
     """

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from fis_tools import file_access
 from fis_tools.edit.session import Session
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats import serialize
 from fis_tools.source import read_controller
+from plain_files import file_access
 from telemetry.commands import main as telemetry_main
 from telemetry.file.partial_file import PARTIAL_SUFFIX
 from tests.fis_tools.sample_controllers import PAPER_LIKE

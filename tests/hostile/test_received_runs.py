@@ -10,12 +10,12 @@ import pytest
 
 import telemetry
 from fis_tools.formats import serialize
-from fis_tools.plain_text import MISSING_SIGN, plain
 from fis_tools.review import page as review_page
 from fis_tools.review.content import read_evidence
 from pipeline.command_line.cli import main
 from pipeline.run import artifacts, configuration, lock, manifests, writing
 from pipeline.stages import assure
+from plain_files.plain_text import MISSING_SIGN, plain
 from tests.fis_tools.sample_controllers import PAPER_LIKE
 from tests.pipeline.command_line.cases import EVALUATE, plain_config, use_stages
 

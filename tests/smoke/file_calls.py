@@ -1,4 +1,4 @@
-"""Where the program's source opens files: through `fis_tools.file_access`, or otherwise."""
+"""Where the program's source opens files: through `plain_files.file_access`, or otherwise."""
 
 import ast
 import re
@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Final
 
-from tests.places import PROJECT
+from tests.places import PACKAGES, PROJECT
 
-PACKAGES: Final = ("fis_tools", "telemetry", "pipeline")
 #: the module that opens and writes files, and its functions by what they do
-DOOR: Final = "fis_tools.file_access"
+DOOR: Final = "plain_files.file_access"
 READERS: Final = frozenset({"open_regular", "open_text", "read_bytes", "read_text"})
 WRITERS: Final = frozenset(
     {"replacing", "create", "write_bytes", "write_text", "rename", "open_folder", "open_lock"}
@@ -61,7 +60,7 @@ class Call:
 
 @cache
 def calls() -> tuple[Call, ...]:
-    """Return all calls of the three packages that open files."""
+    """Return all calls of the packages that open files."""
     all_calls: list[Call] = []
     for package in PACKAGES:
         for path in sorted((PROJECT / package).rglob("*.py")):

@@ -1,11 +1,11 @@
-"""Every file is opened and written by `fis_tools.file_access`, by what the source says."""
+"""Every file is opened and written by `plain_files.file_access`, by what the source says."""
 
 import ast
 
 import pytest
 
-from tests.places import PROJECT
-from tests.smoke.file_calls import PACKAGES, READERS, REASON, SHIPPED, WRITERS, calls, calls_of
+from tests.places import PACKAGES, PROJECT
+from tests.smoke.file_calls import READERS, REASON, SHIPPED, WRITERS, calls, calls_of
 
 
 def test_every_file_is_opened_by_one_module():

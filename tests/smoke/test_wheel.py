@@ -59,8 +59,9 @@ def test_the_wheel_holds_the_packages_and_the_configuration_inside_pipeline_and_
     assert "pipeline/conf/experiment/train.yaml" in content(wheel)
 
 
-def test_the_toolkits_wheel_holds_its_package_and_the_licence(small_wheel):
-    assert content(small_wheel) == sources(PROJECT / "fis_tools") - {"fis_tools/pyproject.toml"}
+def test_the_toolkits_wheel_holds_its_packages_and_the_licence(small_wheel):
+    packages = sources(PROJECT / "fis_tools") | sources(PROJECT / "plain_files")
+    assert content(small_wheel) == packages - {"fis_tools/pyproject.toml"}
     assert zipfile.ZipFile(small_wheel).read("fis_tools/LICENSE") == (PROJECT / "LICENSE").read_bytes()
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from mcap.writer import CompressionType, Writer
 
-from fis_tools import file_access
+from plain_files import file_access
 
 
 def plain_file(path: Path, compression: CompressionType, chunk_size: int, messages: Iterable[Any]) -> Path:
@@ -45,5 +45,5 @@ class FullDisk(io.FileIO):
 
 
 def fill_disk(monkeypatch: pytest.MonkeyPatch, room: int) -> None:
-    """Leave room for so many bytes in each file that is opened through `fis_tools.file_access`."""
+    """Leave room for so many bytes in each file that is opened through `plain_files.file_access`."""
     monkeypatch.setattr(file_access, "create", lambda path: io.BufferedWriter(FullDisk(path, room)))

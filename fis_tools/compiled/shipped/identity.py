@@ -16,7 +16,7 @@ from types import FunctionType
 from typing import Any
 
 from fis_tools.compiled.fingerprint import described_values, reached
-from fis_tools.file_access import read_shipped
+from plain_files.file_access import read_shipped
 
 #: Beside the functions: how vectors are compiled.
 VECTORS = ("borrowed_code", "vector_code", "vector_memory", "vector_types", "vectors")

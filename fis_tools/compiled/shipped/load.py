@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 from fis_tools.compiled.fingerprint import UnknownPartError
 from fis_tools.compiled.shipped.arguments import Block, Passed, UnknownArgumentError
 from fis_tools.compiled.shipped.identity import digest
-from fis_tools.file_access import read_bytes, read_shipped
-from fis_tools.plain_text import parse_json
+from plain_files.file_access import read_bytes, read_shipped
+from plain_files.plain_text import parse_json
 
 CODE = Path(__file__).with_name("code")
 INDEX = CODE / "index.json"

@@ -6,9 +6,9 @@ from enum import IntEnum
 from typing import Any
 
 from fis_tools.analysis.measures import Measures
-from fis_tools.document import Block, Document, Heading, Items, Paragraph, Result, Table, plain
 from fis_tools.model import Semantics
 from fis_tools.words.text import inferred_as
+from plain_files.document import Block, Document, Heading, Items, Paragraph, Result, Table, plain
 
 
 class Severity(IntEnum):

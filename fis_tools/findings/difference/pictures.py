@@ -9,12 +9,12 @@ from markupsafe import Markup
 
 from fis_tools import render
 from fis_tools.analysis.arrays import Surface, surface
-from fis_tools.document.html import element, png_address, void
 from fis_tools.engines.compiler import compile as compiled
 from fis_tools.findings.difference.comparison import SystemDifference, VariableChange, over_both_ranges
 from fis_tools.model import FuzzySystem
 from fis_tools.model.intervals import sampled_bounds
 from fis_tools.render import Figure, Theme
+from plain_files.document.html import element, png_address, void
 
 #: Points along each axis of a surface.
 NUM_POINTS = 61

@@ -5,8 +5,6 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from fis_tools.array_types import Floats
-from fis_tools.document import Block, Cell, Change, Document, Figure, Heading, Paragraph, Result, Table, plain
-from fis_tools.document.html import fragment, page
 from fis_tools.findings.difference import comparison
 from fis_tools.findings.difference.comparison import Fact, Pair, Source, SystemDifference, VariableChange
 from fis_tools.formats.serialize import fingerprint
@@ -24,6 +22,19 @@ from fis_tools.model import (
 from fis_tools.model.validate import validate
 from fis_tools.source import as_controller
 from fis_tools.words import text
+from plain_files.document import (
+    Block,
+    Cell,
+    Change,
+    Document,
+    Figure,
+    Heading,
+    Paragraph,
+    Result,
+    Table,
+    plain,
+)
+from plain_files.document.html import fragment, page
 
 #: Between the old and the new value.
 TO = "→"

@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 
 from fis_tools.analysis.contribution import contributions
 from fis_tools.array_types import Floats
-from fis_tools.document import Block, Document, Heading, Items, Paragraph, Result, Table
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.tree_inference import infer_tree
 from fis_tools.engines.trees import CompiledTree
@@ -25,6 +24,7 @@ from fis_tools.findings.explanation.one_system import (
 )
 from fis_tools.model import FuzzyTree, Variable
 from fis_tools.words.text import amount, inferred_as, sentence, signed
+from plain_files.document import Block, Document, Heading, Items, Paragraph, Result, Table
 
 #: rules that are told of an output, unless all are asked for
 MOST_RULES = 12

@@ -11,13 +11,13 @@ from fis_tools.analysis import shapley
 from fis_tools.analysis.arrays import FIRED
 from fis_tools.analysis.contribution import contributions, holding_back
 from fis_tools.analysis.flight_data import Points
-from fis_tools.document import Block, Document, Heading, Items, Paragraph, Result, Table, plain
 from fis_tools.engines.compiler import CompiledSystem
 from fis_tools.engines.inference import infer
 from fis_tools.findings.explanation.flips import ClassFlip, Flip, class_flips, flips, is_classifier
 from fis_tools.findings.explanation.points import made_of, plain_parts
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.words.text import NEGLIGIBLE, amount, inferred_as, listed, percent, sentence, signed
+from plain_files.document import Block, Document, Heading, Items, Paragraph, Result, Table, plain
 
 #: Rules that moved an output by less than this fraction of its range, or beyond so many, are told on demand.
 WORTH_TELLING = 0.01

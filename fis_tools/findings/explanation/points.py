@@ -7,9 +7,9 @@ import numpy as np
 
 from fis_tools.analysis.flight_data import Points
 from fis_tools.array_types import Floats
-from fis_tools.document import Block, Code, Document, Paragraph, Table
 from fis_tools.model import FuzzySystem
 from fis_tools.words.text import NEGLIGIBLE, amount, listed, signed
+from plain_files.document import Block, Code, Document, Paragraph, Table
 
 #: beyond so many points, only what the others add together is told
 MOST_POINTS = 5

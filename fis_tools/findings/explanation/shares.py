@@ -9,10 +9,10 @@ from fis_tools.analysis import shapley
 from fis_tools.analysis.arrays import FIRED, rule_usage
 from fis_tools.analysis.contribution import importance
 from fis_tools.array_types import Floats
-from fis_tools.document import Block, Document, Heading, Paragraph, Result, Table, plain
 from fis_tools.engines.compiler import compile
 from fis_tools.model import FuzzySystem
 from fis_tools.words.text import amount, percent, sentence, with_unit
+from plain_files.document import Block, Document, Heading, Paragraph, Result, Table, plain
 
 #: Rules are told until they make this share of all movement, and no more than so many.
 SHOWN_SHARE = 0.95

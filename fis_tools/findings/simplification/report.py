@@ -10,10 +10,10 @@ import numpy as np
 
 from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.array_types import Floats
-from fis_tools.document import Block, Document, Heading, Paragraph, Result, Table, plain
 from fis_tools.engines.compiler import compile
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.words.text import amount, inferred_as
+from plain_files.document import Block, Document, Heading, Paragraph, Result, Table, plain
 
 #: Samples on which candidates are ranked; the step that is taken is measured on all.
 NUM_RANKING = 4096

@@ -13,11 +13,11 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-from fis_tools.file_access import read_bytes, write_bytes
 from fis_tools.formats import rendered
 from fis_tools.formats.c.source import function_name, write
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import thrust_logic
+from plain_files.file_access import read_bytes, write_bytes
 
 #: How the standard calls the machines that a library is made for.
 MACHINES = {("linux", "x86_64"): "linux64"}

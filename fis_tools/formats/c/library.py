@@ -4,9 +4,9 @@ import re
 from functools import cache
 from pathlib import Path
 
-from fis_tools.file_access import read_shipped
 from fis_tools.formats.c.transcribed.entries import ENTRIES
 from fis_tools.formats.c.transcribed.writer import C
+from plain_files.file_access import read_shipped
 
 _COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 _CALL = re.compile(r"\b(\w+)\(")

@@ -7,7 +7,7 @@ from math import isinf
 from textwrap import wrap
 from typing import Any
 
-from fis_tools.plain_text import distinct
+from plain_files.plain_text import distinct
 
 #: words of C
 WORDS = frozenset(

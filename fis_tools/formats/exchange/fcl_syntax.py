@@ -9,8 +9,8 @@ from lark import Lark
 from lark.exceptions import UnexpectedEOF, UnexpectedInput
 
 from fis_tools.errors import ControllerFileError
-from fis_tools.file_access import read_shipped
 from fis_tools.model.validate import MOST_RULES
+from plain_files.file_access import read_shipped
 
 #: A node of the tree that the parser makes: a rule's name and children, or a word.
 Node = Any

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Literal, NamedTuple, TypeVar, get_args
 
 from fis_tools.model import Aggregation, AndOperator, Defuzzifier, FuzzySystem, Hedge, OrOperator
-from fis_tools.plain_text import distinct
+from plain_files.plain_text import distinct
 
 _Name = TypeVar("_Name", bound=str)
 

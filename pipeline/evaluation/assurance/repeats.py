@@ -18,11 +18,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from fis_tools.file_access import read_bytes
-from fis_tools.plain_text import parse_json
 from pipeline.evaluation.assurance.judgements import Tried, failures_allowed
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.run import artifacts, sweep, writing
+from plain_files.file_access import read_bytes
+from plain_files.plain_text import parse_json
 
 #: folders that are looked into, those nearest to the top first
 MOST_FOLDERS: Final = 20_000

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
-from fis_tools.file_access import read_text
 from pipeline.evaluation.assurance.formula import Formula, FormulaError, parse, quantities_of, unit_of
 from pipeline.evaluation.assurance.quantities import units_for
 from pipeline.evaluation.assurance.robustness import idle_window, late_window
@@ -13,6 +12,7 @@ from pipeline.run import configuration
 from pipeline.settings.experiment import Mission
 from pipeline.settings.keys import choices_of, did_you_mean, value_at
 from pipeline.settings.places import requirements_path
+from plain_files.file_access import read_text
 
 SCHEMA: Final = ("requirements", 2)
 #: methods of verification: many flights, splitting for rare failures, a search for the worst case, boxes of

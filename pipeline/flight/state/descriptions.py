@@ -10,8 +10,8 @@ from functools import partial
 from itertools import chain, combinations
 
 from fis_tools.model import FuzzyController, FuzzySystem
-from fis_tools.plain_text import as_number
 from pipeline.flight.state.signals import CONSTANTS, HILL_AXES, SIGNALS
+from plain_files.plain_text import as_number
 
 
 def _ring_radial(is_set: Callable[[str], bool]) -> str:

@@ -17,8 +17,8 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 from numpy.typing import NDArray
 
-from fis_tools import document
-from fis_tools.document.html import element, read
+from plain_files import document
+from plain_files.document.html import element, read
 
 __all__ = ["STYLE", "Figure", "Picture", "grid", "pixels", "save", "style"]
 

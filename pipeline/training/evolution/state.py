@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.file_access import read_bytes
 from pipeline.array_types import Floats
 from pipeline.run.writing import write_atomically
+from plain_files.file_access import read_bytes
 
 
 @dataclass(frozen=True, kw_only=True)

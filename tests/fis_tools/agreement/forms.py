@@ -15,12 +15,12 @@ import numpy as np
 from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile
 from fis_tools.errors import Mistake
-from fis_tools.file_access import read_shipped
 from fis_tools.formats.c import source
 from fis_tools.model import FuzzyController, FuzzySystem, Hedged, parts_of
 from fis_tools.model.intervals import has_intervals
 from fis_tools.review import carried, transcribed
 from fis_tools.review import page as review_page
+from plain_files.file_access import read_shipped
 from tests.fis_tools import control_systems
 
 #: A system and the inputs at which it is requested, (n, num_inputs).

@@ -13,13 +13,13 @@ import pytest
 import fis_tools
 from fis_tools.analysis.domain import as_mapping, box_of
 from fis_tools.analysis.flights import inputs_along
-from fis_tools.document import text
 from fis_tools.engines.inference import infer
 from fis_tools.findings.audit import Thresholds
 from fis_tools.findings.explanation import explain, shares
 from fis_tools.formats.serialize import dump_json, load, loads
 from fis_tools.model import ALL_SEMANTICS, FuzzyController, with_semantics
 from fis_tools.words.text import outline
+from plain_files.document import text
 from tests.fis_tools.analysis.test_flights import log_flight
 from tests.fis_tools.formats.exchange.systems import FLAT, NESTED, alone
 from tests.fis_tools.sample_controllers import FORCE_X, GENERAL, PAPER_LIKE, TIPPER

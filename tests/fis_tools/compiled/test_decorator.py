@@ -10,7 +10,7 @@ import pytest
 from fis_tools.compiled.decorator import plainly
 from fis_tools.compiled.three import same
 from tests.fis_tools.compiled.kernels import CALL, HEAD, SOURCES, Package
-from tests.places import PROJECT
+from tests.places import PACKAGES, PROJECT
 
 
 @pytest.fixture
@@ -65,7 +65,7 @@ def test_no_compiled_function_raises_to_a_power():
     """numba multiplies where Python asks the C library for a power, which rounds otherwise."""
     functions = {
         f"{path.name} {node.name}": list(map(type, ast.walk(node)))
-        for package in ("fis_tools", "pipeline")
+        for package in PACKAGES
         for path in (PROJECT / package).rglob("*.py")
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.FunctionDef)
@@ -118,7 +118,7 @@ def test_nothing_imports_numba_before_the_first_call(package):
 def test_numba_is_used_in_one_way_and_its_inner_parts_are_named_in_one_file():
     texts = {
         path.relative_to(PROJECT).as_posix(): path.read_text(encoding="utf-8")
-        for package in ("fis_tools", "pipeline", "telemetry")
+        for package in PACKAGES
         for path in (PROJECT / package).rglob("*.py")
     }
     decorating = {path for path, text in texts.items() if re.search(r"\bn?jit\b(?!=)", text)}

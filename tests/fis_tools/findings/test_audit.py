@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from fis_tools.analysis.arrays import coverage
-from fis_tools.document import as_json, text
 from fis_tools.findings.audit import Finding, Severity, Thresholds, audit
 from fis_tools.findings.audit.report import SCHEMA, SCHEMA_VERSION
 from fis_tools.findings.audit.terms import read_names
@@ -19,6 +18,7 @@ from fis_tools.model.membership import MembershipFunction
 from fis_tools.model.shapes import Gaussian, Trapezoidal, Triangular
 from fis_tools.model.systems import with_variables
 from fis_tools.model.variables import Term, Variable
+from plain_files.document import as_json, text
 from tests.fis_tools.analysis.test_analysis import even_terms
 from tests.fis_tools.analysis.test_flights import log_flight
 from tests.fis_tools.sample_controllers import FORCE_TERMS, GENERAL, PAPER_LIKE, table_system, terms

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from fis_tools.analysis.arrays import spread_inputs
-from fis_tools.document import text
 from fis_tools.engines.inference import infer
 from fis_tools.findings.difference import Difference, SystemDifference, difference
 from fis_tools.findings.difference.pictures import changed_surfaces
@@ -16,6 +15,7 @@ from fis_tools.model import Gaussian, Term, Triangular, Variable
 from fis_tools.model.expressions import And, Is
 from fis_tools.model.rule_tables import table_rules
 from fis_tools.model.systems import Consequent, FuzzySystem, Rule
+from plain_files.document import text
 from tests.fis_tools import step_by_step
 from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, GENERAL, PAPER_LIKE, ROOM, terms, with_input
 from tests.policies import Page, check_policy

@@ -10,12 +10,12 @@ from scipy.optimize import brentq
 
 from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.analysis.flight_data import Points
-from fis_tools.document import text
 from fis_tools.engines.compiler import compile
 from fis_tools.findings.explanation import Explanation, Flip, explain, flips, missed, shares
 from fis_tools.formats.serialize import load
 from fis_tools.model import FuzzySystem, Triangular
 from fis_tools.model.systems import with_semantics
+from plain_files.document import text
 from tests import night
 from tests.fis_tools.control_systems import ReferenceEngine
 from tests.fis_tools.sample_controllers import EXAMPLES, FORCE_X, FORCE_Z, ROOM, SHIPPED, ramp_system, terms

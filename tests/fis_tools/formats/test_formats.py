@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fis_tools.document import text as plain_text
 from fis_tools.engines.inference import infer
 from fis_tools.errors import ControllerFileError
 from fis_tools.findings.audit import audit
@@ -22,6 +21,7 @@ from fis_tools.formats.notation import read_json
 from fis_tools.model import And, FuzzySystem, Hedged, Is, Not, Or, Term, shapes, table_rules, validate
 from fis_tools.source import named, read_controller
 from fis_tools.words import text
+from plain_files.document import text as plain_text
 from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, GENERAL, PAPER_LIKE, ROOM, SHIPPED
 
 A, B, C = Is("a", "low"), Is("b", "high"), Is("c", "mid")

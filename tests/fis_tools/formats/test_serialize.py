@@ -29,7 +29,7 @@ from fis_tools.formats.serialize import (
 )
 from fis_tools.model import And, Consequent, FuzzyController, Is, Rule, Term, Variable, rule_tables, shapes
 from fis_tools.model.validate import InvalidSystem
-from fis_tools.plain_text import plain
+from plain_files.plain_text import plain
 from tests.fis_tools.engines.random_systems import random_general_system
 from tests.fis_tools.sample_controllers import FORCE_X, GENERAL, PAPER_LIKE
 

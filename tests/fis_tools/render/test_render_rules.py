@@ -9,12 +9,12 @@ import pytest
 from matplotlib.figure import Figure
 
 from fis_tools.analysis.flights import read_flight
-from fis_tools.document import html, text
 from fis_tools.model import And, Consequent, Expression, FuzzyController, FuzzySystem, Is, Rule
 from fis_tools.render import rule_matrix, rules_figures
 from fis_tools.render.rules import firing_map, rule_names
 from fis_tools.render.theme import contrast, term_colours
 from fis_tools.words.text import outline
+from plain_files.document import html, text
 from tests.fis_tools.analysis.test_flights import log_flight
 from tests.fis_tools.render.picture_systems import one_input_system
 from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, PAPER_LIKE, ROOM, with_input

@@ -17,7 +17,6 @@ from matplotlib.colors import to_hex
 import fis_tools
 from fis_tools import __main__ as command_line
 from fis_tools.analysis import arrays
-from fis_tools.document import Paragraph, Table
 from fis_tools.engines.inference import infer
 from fis_tools.errors import ControllerFileError
 from fis_tools.findings.audit import audit
@@ -31,6 +30,7 @@ from fis_tools.review import content, flown, page
 from fis_tools.review.content import BRIGHTNESS, level, level_styles
 from fis_tools.review.flown import SensedInputs
 from fis_tools.source import read_controller
+from plain_files.document import Paragraph, Table
 from tests.fis_tools.review.cases import path_of
 from tests.fis_tools.sample_controllers import EXAMPLES, FORCE_Z, GENERAL, ROOM, SHIPPED, TIPPER
 from tests.policies import Page, check_policy

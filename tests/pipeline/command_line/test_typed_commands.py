@@ -28,7 +28,7 @@ from telemetry.file.topics import MISSION
 from tests.fis_tools.sample_controllers import PAPER_LIKE
 from tests.hostile import kills
 from tests.pipeline.command_line.cases import FLY, use_stages
-from tests.places import PROJECT
+from tests.places import PACKAGES, PROJECT
 
 SMALL = ["stages=[scenario,evaluate]", "monte_carlo.num_cases=3", "duration_s=600"]
 
@@ -296,7 +296,7 @@ HARMLESS = {
 def test_no_command_is_put_together_without_quotes():
     bare = {
         (path.relative_to(PROJECT).as_posix(), word)
-        for package in ("pipeline", "fis_tools", "telemetry")
+        for package in PACKAGES
         for path in (PROJECT / package).rglob("*.py")
         for word in interpolated(path)
         if not word.startswith(("shlex.", "typed."))

@@ -13,13 +13,13 @@ import numpy as np
 
 from fis_tools.compiled.decorator import plainly
 from fis_tools.compiled.dispatchers import FromPython
-from fis_tools.document.html import read
 from fis_tools.formats.c.text import table
 from pipeline.onboard.allowed import TranslationError
 from pipeline.onboard.operations import OPERATIONS
 from pipeline.onboard.translator import Translator
 from pipeline.onboard.values import Array, Expression
 from pipeline.onboard.writer import Setting
+from plain_files.document.html import read
 
 #: cells of the array that a function works on, and the numbers that it is given with it
 NUM_CELLS = 8

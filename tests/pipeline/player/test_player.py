@@ -13,7 +13,6 @@ from numba import types
 from playwright.sync_api import expect
 
 from benchmarks.scaling import words_of
-from fis_tools.document.html import policy
 from fis_tools.model.thrust import REASONS
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
@@ -30,6 +29,7 @@ from pipeline.report.played import carried_of, player_of_starts
 from pipeline.report.scene import recorded_table
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.places import conf_folder
+from plain_files.document.html import policy
 from tests import night
 from tests.browser import serious_violations
 

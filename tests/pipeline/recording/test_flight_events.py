@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import telemetry
-from fis_tools.document.html import template
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import KEEP_IN, PASSIVE_SAFETY, SPEED, FlightLog
 from pipeline.recording import reflight
 from pipeline.recording.events import Event, events
 from pipeline.report.comparisons import Without
 from pipeline.run import artifacts
+from plain_files.document.html import template
 from telemetry import RecordingError
 from tests.pipeline.flight.cases import STARTS, STEERING
 from tests.pipeline.flight.guarded import EARLY, guarded

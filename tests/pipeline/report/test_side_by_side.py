@@ -9,7 +9,6 @@ import pytest
 from matplotlib.colors import is_color_like, to_hex
 from matplotlib.text import Text
 
-from fis_tools.document.html import template
 from fis_tools.render.theme import contrast
 from pipeline.command_line.config import compose_experiment
 from pipeline.evaluation import comparison
@@ -23,6 +22,7 @@ from pipeline.report.figures.comparison import ENDS, MARKS, ControllerMark, by_w
 from pipeline.report.figures.comparison import beside_optimum as drawn_beside
 from pipeline.report.figures.style import PAPER, style
 from pipeline.run import artifacts, tables
+from plain_files.document.html import template
 from tests.browser import WIDTHS, assert_tables_fit
 from tests.pipeline.report.runs import page_of, run_of
 from tests.policies import Page

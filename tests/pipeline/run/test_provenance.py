@@ -19,7 +19,7 @@ from pipeline.run.lock import LOCK, HeldError, held
 from pipeline.run.maker import present_maker
 from pipeline.run.runner import run_stages
 from tests.pipeline.command_line.cases import EVALUATE, FLY, use_stages
-from tests.places import PROJECT
+from tests.places import PACKAGES, PROJECT
 from tests.programs import run_python
 
 
@@ -205,7 +205,7 @@ def test_compiled_code_gives_the_same_bits_on_every_processor(tmp_path):
 
 
 def test_no_kernel_lets_the_compiler_round_as_it_likes():
-    paths = [path for package in ("pipeline", "fis_tools") for path in (PROJECT / package).rglob("*.py")]
+    paths = [path for package in PACKAGES for path in (PROJECT / package).rglob("*.py")]
     assert [path.name for path in paths if "fastmath" in path.read_text(encoding="utf-8")] == []
 
 

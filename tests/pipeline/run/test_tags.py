@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from fis_tools.plain_text import MISSING_SIGN
 from pipeline.command_line.results import PAGE, RUNS
 from pipeline.run import artifacts, configuration, manifests, sweep, tables
 from pipeline.settings.schema import differences
 from pipeline.settings.types import MOST_TAG, MOST_TAG_NAME
+from plain_files.plain_text import MISSING_SIGN
 from tests.pipeline.command_line.cases import EVALUATE, FLY, use_stages
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fis_tools.file_access import MAX_BYTES
 from pipeline.command_line.config import compose_experiment
 from pipeline.command_line.overrides import rewrite_paths
 from pipeline.flight.state.log import Scenario
@@ -16,6 +15,7 @@ from pipeline.run import artifacts, tables
 from pipeline.scenarios import evaluation_scenarios, training_scenarios
 from pipeline.settings.experiment import Experiment, SettingError
 from pipeline.stages import scenario
+from plain_files.file_access import MAX_BYTES
 from tests.pipeline.stages.cases import prepared
 
 NUMBERS = [f"position_{axis}_m" for axis in "xyz"] + [f"velocity_{axis}_m_s" for axis in "xyz"]

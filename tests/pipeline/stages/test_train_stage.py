@@ -13,7 +13,6 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from fis_tools import file_access
 from fis_tools.formats import serialize
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
@@ -29,6 +28,7 @@ from pipeline.training import judging
 from pipeline.training.fitness import costs
 from pipeline.training.genome import genome_of
 from pipeline.training.progress import TrainingProgress, logged
+from plain_files import file_access
 from telemetry import RecordingError
 from tests.pipeline.stages.cases import prepared
 

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 import telemetry
 from docs.scripts.hooks import messages
 from fis_tools.model.thrust import COMPONENTS, COUNTED, REASONS, UNKNOWN
-from fis_tools.plain_text import plain
+from plain_files.plain_text import plain
 from telemetry import RecordingError
 from telemetry.file import topics
 from telemetry.file.columns import DECODERS

@@ -13,7 +13,7 @@ from rerun.chunk import RrdReader
 from scipy.spatial.transform import Rotation
 
 import telemetry
-from fis_tools import file_access
+from plain_files import file_access
 from telemetry import EpisodeWriter, RecordingError
 from telemetry.file.recording import TopicColumns
 from telemetry.scene import replay, viewer

@@ -8,9 +8,9 @@ from enum import IntEnum
 import numpy as np
 import pytest
 
-from fis_tools import document
-from fis_tools.document import Document, Heading, Paragraph, Result, Table, html, text
-from fis_tools.document.html import element
+from plain_files import document
+from plain_files.document import Document, Heading, Paragraph, Result, Table, html, text
+from plain_files.document.html import element
 from tests.policies import Page, check_policy
 
 NASTY = 'a|b <i>&"_c_ \\d{e} 5 % #f $g ^h ~j [k] *l*'

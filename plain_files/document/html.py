@@ -11,8 +11,8 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup, escape
 
-from fis_tools.document import Document, Heading
-from fis_tools.file_access import read_shipped
+from plain_files.document import Document, Heading
+from plain_files.file_access import read_shipped
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def environment(package: str, folder: str, **options: Any) -> Environment:
     )
 
 
-def read(name: str, package: str = "fis_tools.document") -> str:
+def read(name: str, package: str = "plain_files.document") -> str:
     """Return the content of a text file that is part of a package."""
     return read_shipped(files(package) / name)
 
@@ -112,7 +112,7 @@ def page(document: Document, style: str = "", panel: ScriptedPanel | None = None
     main = _main(document)
     style = Markup(read("style.css") + read("page.css") + style)  # noqa: S704 - of our packages
     styled = "" if panel or "style=" in main or "<style" in main else style
-    return template("fis_tools", "document", "page.html").render(
+    return template("plain_files", "document", "page.html").render(
         title=document.title,
         style=style,
         policy=policy(styled, panel.scripts if panel else (), flies=panel is not None),
@@ -126,7 +126,7 @@ def page(document: Document, style: str = "", panel: ScriptedPanel | None = None
 
 def body(document: Document) -> Markup:
     """Write the blocks of a document alone, for a page that has more: its sections, without a style."""
-    blocks: Any = template("fis_tools", "document", "blocks.html").module
+    blocks: Any = template("plain_files", "document", "blocks.html").module
     return Markup(blocks.body(document.blocks))  # noqa: S704 - escaped by the template
 
 

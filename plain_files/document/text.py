@@ -4,7 +4,7 @@ import re
 import textwrap
 from collections.abc import Collection, Iterator, Sequence
 
-from fis_tools.document import Block, Cell, Change, Code, Document, Heading, Items, Paragraph, Table
+from plain_files.document import Block, Cell, Change, Code, Document, Heading, Items, Paragraph, Table
 
 #: Sentences are wrapped at this column, and tables of changes that are wider are listed instead.
 WIDTH = 110

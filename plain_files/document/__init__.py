@@ -174,7 +174,7 @@ class Result(ABC):
 
     def text(self, **options: Any) -> str:
         """Render it for a terminal; options are those of `document`."""
-        from fis_tools.document import text  # noqa: PLC0415 - a result is shown in one form or another
+        from plain_files.document import text  # noqa: PLC0415 - a result is shown in one form or another
 
         return text.write(self.document(**options))
 
@@ -182,6 +182,6 @@ class Result(ABC):
         return self.text()
 
     def _repr_markdown_(self) -> str:
-        from fis_tools.document import text  # noqa: PLC0415
+        from plain_files.document import text  # noqa: PLC0415
 
         return text.write_markdown(self.document())
