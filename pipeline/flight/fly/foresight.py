@@ -49,7 +49,8 @@ class Tail(NamedTuple):
     scale_doubt: float
     tilt_doubt: float
     doubt_price: float  # of a metre by which errors may add to what is outside after a push, m/s
-    most_force: float  # along an axis that a safety layer passes on, N: failures may come within a push
+    # along an axis that is fired as planned, N, where pushes may take longer: failures may come within them
+    most_force: float
 
 
 #: free motion that costs nothing

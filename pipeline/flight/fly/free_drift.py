@@ -49,12 +49,12 @@ def follow_pushes(
             force = genes[3 * push + axis]
             if abs(force) >= outlook.least_force:
                 periods = num_periods(force, most_force)
-                end = min(begin + periods, stop)
+                end = max(begin, min(begin + periods, stop))
                 for q in range(6):
                     constants[q] += (kicks[end, q, axis] - kicks[begin, q, axis]) * force / periods
                 square, longest = square + force * force, max(longest, periods)
         if doubts.shape[1] > 0 and square > 0.0:
-            end = min(begin + longest, stop)
+            end = max(begin, min(begin + longest, stop))
             for axis in range(3):
                 force = genes[3 * push + axis]
                 along = force * force if abs(force) >= outlook.least_force else 0.0
@@ -122,14 +122,16 @@ def outside_later(
         return worst, doubtful
     for push in range(num_pushes if tail.num_passive > 0 else 0):
         begin = outlook.step * sample_of(genes, num_pushes, push, num_samples)
-        longest = longest_of(genes, num_pushes, push, outlook)
+        longest = 1
+        if tail.most_force < np.inf:
+            longest = longest_of(genes, num_pushes, push, outlook)
         for fired in range(1, longest + 1):
             end, is_last = begin + fired, fired == longest
             following = last if is_last else end
-            for other in range(num_pushes):
+            for other in range(num_pushes if is_last else 0):
                 at = outlook.step * sample_of(genes, num_pushes, other, num_samples)
-                if other != push and at + longest_of(genes, num_pushes, other, outlook) > end:
-                    following = min(following, max(at, end))
+                if end <= at < following:
+                    following = at
             follow_pushes(genes, num_pushes, outlook, end, constants, doubts)
             first = int(np.ceil(end / tail.spacing))
             until = int(np.ceil(following / tail.spacing)) + tail.num_passive

@@ -327,6 +327,7 @@ class Deputies:
         if after == passive == 0.0:
             return NO_TAIL
         drift, start = drift_from(self.mission, self.sample, max(after, passive)), self.believed[flight]
+        reach = self.constant("foresight_reach_m_s") / self.world.delta_v_per_force
         scale = tilt = 0.0
         if isinstance(actuators := self.mission.actuators, RealActuators):
             scale, tilt = actuators.scale_error, float(np.radians(actuators.misalignment_deg))
@@ -339,7 +340,7 @@ class Deputies:
             scale_doubt=(TAIL_SPREADS * scale) ** 2,
             tilt_doubt=(TAIL_SPREADS * tilt) ** 2,
             doubt_price=self.constant("foresight_doubt_m_s"),
-            most_force=self.most_force,
+            most_force=self.most_force if self.most_force < reach else np.inf,
         )
 
     def _points(self, flight: int) -> tuple[Booleans, int, int]:
