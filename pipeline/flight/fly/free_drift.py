@@ -37,7 +37,9 @@ def follow_pushes(
     Columns of `doubts`, see `num_doubts`, are what a deviation of each push along each axis adds to them.
     """
     tail, kicks = outlook.tail, outlook.tail.kicks
-    stop, most_force = min(period, max(0, len(kicks) - 1)), min(outlook.most_force, tail.most_force)
+    until, last = max(0, period), max(0, len(kicks) - 1)  # of C it is proved that no index is below 0
+    stop = min(until, last)
+    most_force = min(outlook.most_force, tail.most_force)
     for q in range(6):
         constants[q] = tail.constants[q]
         for column in range(doubts.shape[1]):
@@ -49,12 +51,12 @@ def follow_pushes(
             force = genes[3 * push + axis]
             if abs(force) >= outlook.least_force:
                 periods = num_periods(force, most_force)
-                end = max(begin, min(begin + periods, stop))
+                end = min(begin + periods, stop)
                 for q in range(6):
                     constants[q] += (kicks[end, q, axis] - kicks[begin, q, axis]) * force / periods
                 square, longest = square + force * force, max(longest, periods)
         if doubts.shape[1] > 0 and square > 0.0:
-            end = max(begin, min(begin + longest, stop))
+            end = min(begin + longest, stop)
             for axis in range(3):
                 force = genes[3 * push + axis]
                 along = force * force if abs(force) >= outlook.least_force else 0.0
