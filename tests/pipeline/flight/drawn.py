@@ -228,8 +228,9 @@ def flown(draw: Any, mission: Mission) -> Controller:
     others = {name: kind for name, kind in CONSTANTS.items() if name not in (*constants, "park_below_points")}
     needed = [name for name, kind in others.items() if kind.needed_for]
     constants |= {name: draw(number(name, {"gt": 0.0}, 300.0)) for name in needed}
-    for name in draw(st.lists(st.sampled_from(list(CONSTANTS)), unique=True)):
-        if name not in constants and not name.startswith(("rehearsal", "foresight", "park_below")):
+    of_rules = [name for name in CONSTANTS if not name.startswith(("rehearsal", "foresight", "park_below"))]
+    for name in draw(st.lists(st.sampled_from(of_rules), unique=True)):
+        if name not in constants:
             signed = {} if CONSTANTS[name].is_signed else {"ge": 0.0}
             constants[name] = draw(number(name, signed, 30.0 if name.endswith("_m") else 0.05))
     return controller(tuple(systems), axes, **constants)
