@@ -34,6 +34,7 @@ CHANGES = {
     "prices, and three": ("prices", "0.3", "three"),
     "all: prices, three": ("prices", "1 N", "three"),
     "a deputy that still fires": ("strict", "0.3", "two", "fires on once all is seen"),
+    "test starts drawn by even": ("strict", "0.3", "two", "test starts by even angles"),
 }
 
 
