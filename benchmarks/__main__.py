@@ -44,6 +44,7 @@ CAMPAIGNS = (
     "onboard",
     "planted",
     "policies",
+    "rare",
     "scaling",
     "soak",
     "trainings",

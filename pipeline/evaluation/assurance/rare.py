@@ -14,7 +14,7 @@ from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.campaign import Campaign
 from pipeline.evaluation.assurance.case_space import CaseSpace
 from pipeline.evaluation.assurance.requirements import Requirement
-from pipeline.evaluation.splitting import Numbers
+from pipeline.evaluation.population import Numbers
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.state.log import Scenario
