@@ -40,7 +40,7 @@ def panel(page: PlayedPage) -> ScriptedPanel:
         "quadrature": carried.quadrature_data(systems) if systems else ["", ""],
         "cases": _cases(page.cases) if page.cases else None,
         "first": page.first,
-        **({"isFleet": True} if page.is_fleet else {}),
+        "fleets": list(page.fleets) or [1] * len(runs),
         "modules": {name: recorded.packed(module(name)) for name in modules},
         "worker": recorded.as_script("\n".join(worker)) if modules else "",
     }

@@ -121,8 +121,9 @@ class PlayedPage:
     cases : PlayedCases, optional
     first : int
         Row of the case that is shown first.
-    is_fleet : bool
-        Whether the runs are the deputies of one fleet, in its cases.
+    fleets : sequence of int
+        How many of the runs, one after the other, are the deputies of a fleet; 1 for what flies alone, as
+        all do where none are given. `PlayedCases.succeeds` tells of each fleet.
     """
 
     title: str
@@ -130,4 +131,4 @@ class PlayedPage:
     runs: Sequence[tuple[PlayedRun, Carried]]
     cases: PlayedCases | None = None
     first: int = 0
-    is_fleet: bool = False
+    fleets: Sequence[int] = ()
