@@ -41,8 +41,8 @@ from pipeline.settings.experiment import Experiment, Mission
 from plain_files.document.html import ScriptedPanel
 from telemetry.file.reader import read
 
-#: runs beside each other at most
-MOST_RUNS = 8
+#: runs beside each other at most, and of a comparison of fleets at least
+MOST_RUNS, FEWEST_FLEETS = 8, 2
 
 
 def player_of_run(contents: Contents) -> ScriptedPanel | None:
@@ -97,11 +97,12 @@ def shown_of(experiment: Experiment) -> Sequence[tuple[str, str]]:
 
     Where there are too many, they are the first controllers under the first layer alone.
     """
-    compare = experiment.compare
+    compare, deputies = experiment.compare, experiment.mission.fleet.deputies
+    most = max(MOST_RUNS // deputies, FEWEST_FLEETS)
     every = list(product(compare.controllers, compare.safety))
-    if len(every) <= MOST_RUNS:
+    if len(every) <= most:
         return every
-    return [(name, compare.safety[0]) for name in compare.controllers[:MOST_RUNS]]
+    return [(name, compare.safety[0]) for name in compare.controllers[:most]]
 
 
 def _contenders(there: Experiment, flights: Columns, world: str) -> Iterator[tuple[EvaluatedRun, list[int]]]:

@@ -7,11 +7,16 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.command_line import results
-from pipeline.evaluation import paired_runs
+from pipeline.command_line.config import compose_experiment
+from pipeline.controllers.source import named
+from pipeline.evaluation import comparison, paired_runs
 from pipeline.evaluation.evaluated import read_flights
-from pipeline.report import sweep
+from pipeline.flight.control.controller import ControllerError, OpenLoopController, RuleController
+from pipeline.preflight import check_before
+from pipeline.report import comparisons, sweep
+from pipeline.report.played import shown_of
 from pipeline.report.played_fleets import WHY
-from pipeline.run import artifacts
+from pipeline.run import artifacts, tables
 from tests.browser import LOOKS, serious_violations
 from tests.pipeline.report.runs import run_of
 
@@ -23,6 +28,9 @@ RUNS = {
     "three": (("controller=champion_27_parking", "fleet.deputies=3"), ["C1", "C2", "C3"]),
 }
 READY = "() => globalThis.player?.sides?.some(side => side.flight)"
+COMPARED = ("+experiment=baselines", "compare.controllers=[champion_27,champion_27_parking]", "sun=random")
+#: by known methods, some of which plan
+BASELINES = compose_experiment(["+experiment=baselines"]).experiment.compare.controllers
 #: of a case that is opened, what each side shows
 SHOWN = """async row => {
     await player.open(row);
@@ -75,9 +83,7 @@ def test_a_table_of_other_deputies_is_refused(folder, tmp_path):
         path.write_bytes((folder / source / name).read_bytes())
     deputies = pq.read_table(folder / "two" / artifacts.DEPUTIES)
     pq.write_table(deputies.slice(2), tmp_path / "two" / artifacts.DEPUTIES)
-    with pytest.raises(
-        artifacts.ArtifactError, match=r"is not of the cases of .*; repeat the stage"
-    ):
+    with pytest.raises(artifacts.ArtifactError, match=r"is not of the cases of .*; repeat the stage"):
         read_flights(tmp_path / "two")
     names = pq.read_schema(folder / "alone" / artifacts.EPISODES).names
     assert list(read_flights(tmp_path / "alone")) == names
@@ -141,3 +147,46 @@ def test_the_page_of_a_sweep_opens_fleets(opened, folder):
             )
         )
     ]
+
+
+@pytest.mark.slow
+def test_a_comparison_opens_fleets_by_each_controller_and_layer(opened, tmp_path):
+    apart = ("fleet.deputies=2", "safety=filter", "fleet.keep_apart_m=40", "inspection_threshold_percent=40")
+    experiment = run_of(tmp_path, ("compare", "report"), *COMPARED, *apart)
+    flights = tables.read_parquet(tmp_path, artifacts.COMPARISON_EPISODES)
+    is_kept, is_near = flights["safety"] == "filter", flights["nearest_pair_m"] < 40.0
+    assert (is_near & is_kept).sum() < (is_near & ~is_kept).sum()  # some start nearer
+    rows = comparisons.read_comparison(tmp_path)
+    assert {row.source for row in rows} == {comparison.FLOWN}
+    page = opened((tmp_path / artifacts.REPORT).read_text(encoding="utf-8"), 1400, reduced_motion="reduce")
+    page.wait_for_function(READY)
+    words = page.locator("#comparison").inner_text()
+    assert comparison.OF_FLEETS.format(2) in words
+    assert comparison.PAPER_NAME not in words
+    contenders = shown_of(experiment)
+    assert page.evaluate("() => player.page.fleets") == [2] * len(contenders) == [2, 2, 2, 2]
+    for box in page.locator(".chosen input").all():
+        box.check()
+    can_open = "() => [...player.cases.numbers.keys()].filter(row => player.sides[0].canOpen(row))"
+    for row in page.evaluate(can_open):
+        shown = page.evaluate(SHOWN, row)
+        for letter, (controller, layer) in zip("ABCD", contenders, strict=True):
+            (flight,) = np.flatnonzero(
+                (flights["controller"] == controller)
+                & (flights["safety"] == layer)
+                & (flights["sun"] == "random")
+                & (flights["case"] == row)
+            )
+            spent = sum(shown[f"{letter}{deputy}"]["spent"] for deputy in (1, 2))
+            assert spent == pytest.approx(flights["delta_v_m_s"][flight], rel=1e-6)
+
+
+@pytest.mark.parametrize("name", BASELINES)
+def test_a_controller_that_plans_for_one_deputy_is_refused_by_name(name):
+    words = ("+experiment=baselines", "fleet.deputies=2", f"compare.controllers=[{name}]", "controller=coast")
+    experiment = compose_experiment(words).experiment
+    if not isinstance(named(name, experiment.mission), RuleController | OpenLoopController):
+        with pytest.raises(ControllerError, match=f"'{name}' plans for one deputy"):
+            check_before(experiment)
+    else:
+        check_before(experiment)
