@@ -99,12 +99,15 @@ class Carried:
         By row, flights as the product logged them.
     why : str
         Why other rows do not open.
+    ends : sequence of int
+        By row, the sample at which a flight that is flown ends; none where all end alike.
     """
 
     flown: Mapping[str, Any] | None = None
     reasons: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
     recorded: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
     why: str = ""
+    ends: Sequence[int] = ()
 
 
 @dataclass(frozen=True)

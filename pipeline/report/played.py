@@ -17,6 +17,7 @@ from pipeline.evaluation.statistics import Columns
 from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.control.controller import Controller, ControllerError
 from pipeline.flight.goals.flights import fly_all, fly_logged
+from pipeline.flight.goals.reach import ReachOutcomes
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.player.flown import flown_in_page, tells_reasons
 from pipeline.player.panel import panel
@@ -231,10 +232,7 @@ def _page(runs: Sequence[EvaluatedRun], rows: Sequence[Sequence[int]], file_name
     for run, of_run in zip(runs, rows, strict=True):
         if run.experiment.mission.has_fleet:
             telling.append(int(np.argmin(values_at(run.episodes, NEAREST_PAIR, of_run))))
-    played = [
-        _played(run, [int(case) for case in values_at(run.episodes, "case", of_run)], telling)
-        for run, of_run in zip(runs, rows, strict=True)
-    ]
+    played = [_played(run, of_run, telling) for run, of_run in zip(runs, rows, strict=True)]
     return PlayedPage("", file_name, [*chain(*played)], cases, first, [*map(len, played)])
 
 
@@ -263,32 +261,58 @@ def _paired(
 
 
 def _played(
-    run: EvaluatedRun, cases: Sequence[int], telling: Sequence[int]
+    run: EvaluatedRun, rows: Sequence[int], telling: Sequence[int]
 ) -> list[tuple[PlayedRun, Carried]]:
     """Return a run as a page plays it, or the deputies of its fleets, of which the telling rows open."""
-    experiment, controller = run.experiment, run.controller
-    if experiment.mission.has_fleet:
+    experiment, controller, mission = run.experiment, run.controller, run.experiment.mission
+    cases = [int(case) for case in values_at(run.episodes, "case", rows)]
+    if mission.has_fleet:
         flown = fleets_in(run, {row: cases[row] for row in telling})
         return deputies_of(experiment, controller, flown, run.command, run.name)
-    starts = evaluation_scenarios(experiment, list(cases))
-    alone = PlayedRun(run.name, experiment.name, experiment.mission, controller, starts, telling, run.command)
-    return [(alone, carried_of(alone))]
+    starts = evaluation_scenarios(experiment, cases)
+    alone = PlayedRun(run.name, experiment.name, mission, controller, starts, telling, run.command)
+    ends_s = values_at(run.episodes, "end_s", rows) if mission.problem.kind == "reach" else []
+    return [(alone, carried_of(alone, ends_s))]
 
 
-def carried_of(run: PlayedRun) -> Carried:
-    """Return what a page carries of a run's flights: those that a module flies, else a few as recorded."""
+def carried_of(run: PlayedRun, ends_s: Sequence[float] = ()) -> Carried:
+    """Return what a page carries of a run's flights: those that a module flies, else a few as recorded.
+
+    Parameters
+    ----------
+    run : PlayedRun
+    ends_s : sequence of float
+        When flights to a goal end, s, where that is known.
+    """
     mission, controller = run.mission, run.controller
     rows = list(dict.fromkeys(run.rows))
     flown = flown_in_page(run)
     if isinstance(flown, str):
         recorded = {row: _recorded(run, row) for row in rows}
         return Carried(recorded=recorded, why=flown)
-    why = "" if flown.rows is None else "what was drawn or chosen for it takes too much room"
+    others = [] if flown.rows is None else [row for row in rows if row not in flown.rows]
+    carried = Carried(
+        flown.content,
+        recorded={row: _recorded(run, row) for row in others},
+        why="" if flown.rows is None else "what was drawn or chosen for it takes too much room",
+        ends=_ends(run, ends_s),
+    )
     if tells_reasons(mission, controller):
-        return Carried(flown.content, why=why)
+        return carried
     carried_rows = rows if flown.rows is None else flown.rows
     reasons = {row: told_reasons(_logged(run, row), controller, mission) for row in carried_rows}
-    return Carried(flown.content, reasons, why=why)
+    return replace(carried, reasons=reasons)
+
+
+def _ends(run: PlayedRun, ends_s: Sequence[float]) -> list[int]:
+    """Return the samples at which flights to a goal end, by row; none of other flights."""
+    mission = run.mission
+    if mission.problem.kind != "reach":
+        return []
+    if not ends_s:
+        flown = fly_all(mission, run.controller, list(run.starts))
+        ends_s = flown.end_s.tolist() if isinstance(flown, ReachOutcomes) else []
+    return [round(end_s / mission.control_period_s) for end_s in ends_s]
 
 
 def _logged(run: PlayedRun, row: int) -> FlightLog:

@@ -49,7 +49,7 @@ def write(*files: Path) -> str:
         runs.append(
             {
                 **{"name": name, "fileName": file.stem, "command": "", "why": "", "flight": flight},
-                **{"systems": "", "recorded": {0: table}, "reasons": {}},
+                **{"systems": "", "recorded": {0: table}, "reasons": {}, "ends": ""},
                 **{"module": "", "snapshot": None, "own": None},
             }
         )

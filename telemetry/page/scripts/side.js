@@ -41,8 +41,9 @@ class Side {
 
   /** Start the module that flies the run's cases, if it has one. */
   async begin() {
-    const { module, snapshot, own } = this.run;
+    const { module, snapshot, own, ends } = this.run;
     if (!module) return;
+    if (ends) this.ends = new Int32Array((await planesOf(ends, 4)).buffer);
     this.ask = beginWorker(this.page.worker);
     const [content] = await Promise.all([inflated(own.content), this.ask({ module: this.page.modules[module], snapshot })]);
     this.own = new Uint8Array(content);
@@ -72,7 +73,7 @@ class Side {
       const seenBy = recorded.seenBy && [...recorded.seenBy].map(deputy => this.fleet.letters[deputy - 1] ?? "none");
       return { ...recordedFlight({ ...shared, ...recorded, coast: shared.freeMotion }), seenBy, of: this.shared.of };
     }
-    const flight = flownFlight(this.shared, await this.ask(this.caseOf(row)), this.run.reasons[row]);
+    const flight = flownFlight(this.shared, await this.ask(this.caseOf(row)), this.run.reasons[row], this.ends?.[row]);
     if (this.run.flight.isPlain) flight.isLit = (k, j) => facesSun(flight.points[j], flight.sun(k));
     else flight.tellsLight = false;
     return flight;
