@@ -22,7 +22,7 @@ from pipeline.player.memory import Leaf
 from plain_files.file_access import write_bytes
 
 #: of functions that are inlined in a module that shall be small
-FEW_INSTRUCTIONS = 15
+FEW_INSTRUCTIONS = 25
 FEATURES = "+simd128,+bulk-memory,+sign-ext,+nontrapping-fptoint,+mutable-globals"
 
 #: what numba's code calls: room for arrays that it makes, of which the topmost is freed, and products of

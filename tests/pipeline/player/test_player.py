@@ -19,7 +19,7 @@ from pipeline.controllers import source
 from pipeline.flight.control.controller import PlanningController
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.player import flown
-from pipeline.player.arguments import LIT, MODULES
+from pipeline.player.arguments import MODULES, PLAIN
 from pipeline.player.build import FOLDER, functions
 from pipeline.player.flown import FlownCases, flown_in_page, looks_ahead, tells_reasons
 from pipeline.player.memory import Memory, leaves_of, types_of
@@ -384,7 +384,7 @@ def test_a_module_refuses_a_snapshot_of_other_types(ready, words):
 def test_the_modules_are_of_the_types_that_the_product_has(name):
     types = {function: types_of(arguments.leaves(Memory())) for function, _, arguments in functions(name)}
     assert json.loads((FOLDER / "types.json").read_text(encoding="utf-8"))[name] == types
-    assert len(flown.module(name)) < (230_000 if name == LIT else 200_000)
+    assert len(flown.module(name)) < (200_000 if name == PLAIN else 230_000)
 
 
 @pytest.mark.parametrize("name", MODULES)
