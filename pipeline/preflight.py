@@ -1,6 +1,7 @@
 """What the stages of a run would refuse, told before its folder is made."""
 
 import sys
+from collections.abc import Iterable
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -68,9 +69,9 @@ def check_before(experiment: Experiment) -> None:
         genome_of(controllers[0], experiment.optimizer.encoding)
     elif "search" not in experiment.stages:
         law_of(controllers[0], experiment.mission)
-    _check_fleet(experiment, controllers[0])
     names = experiment.compare.controllers if "compare" in experiment.stages else ()
     controllers += [named(name, experiment.mission) for name in names]
+    _check_fleet(experiment, controllers)
     for controller in controllers if experiment.mission.problem.kind == "reach" else ():
         if sensed := about_points(controller):
             sys.stderr.write(
@@ -79,12 +80,13 @@ def check_before(experiment: Experiment) -> None:
             )
 
 
-def _check_fleet(experiment: Experiment, controller: "Controller") -> None:
-    """Check that a controller that a fleet flies by plans for no deputy alone."""
+def _check_fleet(experiment: Experiment, controllers: Iterable["Controller"]) -> None:
+    """Check that no controller that a fleet flies by plans for one deputy alone."""
     if experiment.mission.has_fleet:
         from pipeline.flight.fly.fleets import check_controller  # noqa: PLC0415 - compiled code
 
-        check_controller(experiment.mission, controller)
+        for controller in controllers:
+            check_controller(experiment.mission, controller)
 
 
 def _check_fit(experiment: Experiment) -> None:

@@ -8,11 +8,13 @@ from pipeline.command_line import endings, runs
 from pipeline.command_line.arguments import CommandParser
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation import paired_runs, statistics
+from pipeline.evaluation.evaluated import read_flights
 from pipeline.evaluation.statistics import Columns
 from pipeline.report import sweep, sweep_page, verification
 from pipeline.report.contents import read_summary
-from pipeline.report.played import MOST_RUNS, EvaluatedRun
-from pipeline.run import artifacts, configuration, tables, typed, writing
+from pipeline.report.evaluated_run import EvaluatedRun
+from pipeline.report.played import MOST_RUNS
+from pipeline.run import configuration, tables, typed, writing
 from pipeline.settings.schema import differences, present
 from plain_files.document import Block, Document, text
 
@@ -78,7 +80,7 @@ def _offered(results: sweep.SweepResults) -> list[EvaluatedRun]:
     """Return the runs that a sweep offers to be flown; none where one of them is not of this program."""
     folders = [results.folder / run.folder for run in results.offered]
     try:
-        return [_evaluated(folder, tables.read_or_open(folder, artifacts.EPISODES)) for folder in folders]
+        return [_evaluated(folder, read_flights(folder)) for folder in folders]
     except endings.MISTAKES:  # the page does without
         return []
 
@@ -108,7 +110,7 @@ def compare(given: Sequence[str]) -> int:
     first, *others = folders = _folders("compare", joined.split(","), *range(2, MOST_COMPARED + 1), rest=rest)
     configs = [present(configuration.read(folder)) for folder in folders]
     confidence = float(read_summary(first).get("confidence_percent", sweep.CONFIDENCE_PERCENT))
-    episodes = [tables.read_or_open(folder, artifacts.EPISODES) for folder in folders]
+    episodes = [read_flights(folder) for folder in folders]
     blocks: list[Block] = []
     for letter, folder, there in zip(LETTERS[1 : len(folders)], others, episodes[1:], strict=True):
         compared = paired_runs.compare(episodes[0], there, confidence)

@@ -58,7 +58,8 @@ def load(source: Mapping[str, Any], mission: Mission) -> Controller:
     if kind == "coast":
         return coast()
     if kind in PLANNED:
-        return controller_of_kind(kind, Planned(**source), mission)
+        # what flies fleets refuses by its name what plans for one deputy
+        return controller_of_kind(kind, Planned(**source), mission.of_each)
     if kind == "open_loop":
         return read_played(Path(str(source["path"])), mission)
     if kind == "policy":

@@ -266,6 +266,13 @@ def lines_of(rows: Sequence[ComparisonRow], sun: str) -> list[list[str]]:
     return lines
 
 
+def table_of(rows: Sequence[ComparisonRow], sun: str) -> tuple[list[str], list[list[str]]]:
+    """Return the headings and lines of one Sun setting, of the columns that tell something."""
+    lines = lines_of(rows, sun)
+    used = [column for column in range(len(HEADINGS)) if any(line[column] for line in lines)]
+    return [HEADINGS[column] for column in used], [[line[column] for column in used] for line in lines]
+
+
 def suns_of(rows: Sequence[ComparisonRow]) -> list[str]:
     """Return the Sun settings of some rows, in order."""
     return list(dict.fromkeys(row.sun for row in rows if row.sun))
@@ -275,11 +282,8 @@ def format_comparison(rows: Sequence[ComparisonRow]) -> str:
     """Write the table as plain text, one section per Sun setting."""
     blocks: list[Block] = []
     for sun in suns_of(rows):
-        lines = lines_of(rows, sun)
-        used = [column for column in range(len(HEADINGS)) if any(line[column] for line in lines)]
-        cells = [[line[column] for column in used] for line in lines]
-        heads = [HEADINGS[column] for column in used]
-        blocks += [Heading(f"Sun {sun}"), Table(heads, cells, numbers=range(1, len(used)))]
+        heads, lines = table_of(rows, sun)
+        blocks += [Heading(f"Sun {sun}"), Table(heads, lines, numbers=range(1, len(heads)))]
     return text.write(Document(blocks))
 
 
@@ -292,11 +296,16 @@ def describe_columns(experiment: Experiment) -> list[str]:
     )
     if experiment.mission.problem.kind == "reach":
         return [f"{flown}successful: the goal is reached; outside: a crash there, or too fast for too long."]
-    return [
+    judged = (
         f"{flown}successful: at least {experiment.mission.inspection_threshold_percent:g} % of the points, "
         f"inside the limits; outside: {deputy.min_distance_m:g} to {deputy.max_distance_m:g} m left; stays: "
         "inside them for an orbit after the end, if nothing more is fired; passively safe: after no failure "
-        f"of all thrusters nearer than {deputy.min_distance_m:g} m within an orbit.",
+        f"of all thrusters nearer than {deputy.min_distance_m:g} m within an orbit."
+    )
+    if (fleet := experiment.mission.fleet).deputies > 1:
+        return [f"{judged} {OF_FLEETS.format(fleet.deputies)}"]
+    return [
+        judged,
         f"*published ({PAPER_NAME}), with the same distance limits; its Sun is not stated. The best plans "
         "found know the whole flight beforehand, and are of other cases; the bound is what every plan burns "
         f"at least. Both ratios are means over these cases with {cases.confidence_percent:g} % bootstrap "
@@ -304,6 +313,11 @@ def describe_columns(experiment: Experiment) -> list[str]:
     ]
 
 
+#: what a comparison of fleets counts
+OF_FLEETS = (
+    "Fleets of {} deputies: delta-v is that of all, a point counts once; outside: of one deputy at least; "
+    "stays, passively safe: of all."
+)
 #: contents of a cell of the table
 LEGEND = "successful inside the limits (%) / delta-v (m/s) / outside (%) / stays an orbit (%)"
 

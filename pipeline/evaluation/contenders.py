@@ -30,5 +30,10 @@ def under(experiment: Experiment, world: str, sun: Any) -> Experiment:
 
 
 def guarded(mission: Mission, layer: str) -> Mission:
-    """Return a mission with a safety layer; the filter has the mission's own parameters."""
-    return replace(mission, safety=Safety() if layer == "none" else replace(mission.safety, kind="filter"))
+    """Return a mission with a safety layer; the filter has the mission's own parameters.
+
+    Without one nothing keeps deputies apart, which the layer does.
+    """
+    if layer == "none":
+        return replace(mission, safety=Safety(), fleet=replace(mission.fleet, keep_apart_m=0.0))
+    return replace(mission, safety=replace(mission.safety, kind="filter"))

@@ -16,6 +16,8 @@ from pipeline.settings.start_table import POSITION, VELOCITY
 
 #: columns that identify a case's start: cases that share them are the same case
 START = (*POSITION, *VELOCITY, "sun_angle_rad", "sun_elevation_rad")
+#: those of a deputy's own, of which a fleet's further deputies have some too
+OWN_START = (*POSITION, *VELOCITY)
 
 
 @dataclass(frozen=True)
@@ -51,13 +53,14 @@ METRICS = (
 def common_cases(first: Columns, second: Columns) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the rows of the cases that two evaluations share, bit-identical in `START`.
 
-    Where both flew the same cases in the same order, each is paired with itself; of others each start counts
-    once.
+    Fleets share a case if all deputies start alike that both have. Where both flew the same cases in the same
+    order, each is paired with itself; of others each start counts once.
     """
-    if _fly_the_same(first, second):
+    names = _names_of_starts(first, second)
+    if _fly_the_same(first, second, names):
         rows = np.arange(number_of(first))
         return rows, rows
-    mine, others = _keys(first), _keys(second)
+    mine, others = _keys(first, names), _keys(second, names)
     starts, earliest = np.unique(mine, return_index=True)
     other_starts, from_end = np.unique(others[::-1], return_index=True)
     _, here, there = np.intersect1d(starts, other_starts, assume_unique=True, return_indices=True)
@@ -66,28 +69,43 @@ def common_cases(first: Columns, second: Columns) -> tuple[NDArray[np.int64], ND
     return rows[order], other_rows[order]
 
 
-def _fly_the_same(first: Columns, second: Columns) -> bool:
+def of_deputy(name: str, deputy: int) -> str:
+    """Return what a column of starts is called of a fleet's deputy, counted from 1."""
+    return name if deputy == 1 else f"{name}_of_deputy_{deputy}"
+
+
+def _names_of_starts(*evaluations: Columns) -> list[str]:
+    """Return the columns of starts that tell cases of evaluations apart: of the deputies that all have."""
+    names, deputy = [*START], 2
+    while all(of_deputy(POSITION[0], deputy) in episodes for episodes in evaluations):
+        names += [of_deputy(name, deputy) for name in OWN_START]
+        deputy += 1
+    return names
+
+
+def _fly_the_same(first: Columns, second: Columns, names: Sequence[str]) -> bool:
     """Return whether two evaluations have equal cases, row by row; few of them are in memory at a time."""
     if number_of(first) != number_of(second):
         return False
     pairs = zip(blocks_of(first), blocks_of(second), strict=False)
     return all(
-        np.array_equal(block["case"], other["case"]) and np.array_equal(_bits(block), _bits(other))
+        np.array_equal(block["case"], other["case"])
+        and np.array_equal(_bits(block, names), _bits(other, names))
         for block, other in pairs
     )
 
 
-def _bits(episodes: Columns) -> NDArray[np.uint64]:
-    """Return the bits of each start, (n, 8)."""
+def _bits(episodes: Columns, names: Sequence[str]) -> NDArray[np.uint64]:
+    """Return the bits of each start, (n, number of names)."""
     zeros = np.zeros(len(episodes["case"]))  # earlier versions had no elevation
-    starts = np.column_stack([np.asarray(episodes.get(name, zeros), np.float64) for name in START])
+    starts = np.column_stack([np.asarray(episodes.get(name, zeros), np.float64) for name in names])
     return starts.view(np.uint64)
 
 
-def _keys(episodes: Columns) -> NDArray[np.void]:
+def _keys(episodes: Columns, names: Sequence[str]) -> NDArray[np.void]:
     """Return the bits of each start as one value, (n,)."""
-    bits = _bits(episodes)
-    return bits.view(np.dtype((np.void, bits.itemsize * len(START)))).ravel()
+    bits = _bits(episodes, names)
+    return bits.view(np.dtype((np.void, bits.itemsize * len(names)))).ravel()
 
 
 @dataclass(frozen=True)

@@ -24,10 +24,16 @@ LANES = 2
 #: arguments of `fly_many`
 NAMES = ("optics", "clusters", "errors", "flights", "state", "work", "results", "first", "last")
 
-#: the modules: of the paper's light and camera without errors, and of any other mission
-PLAIN, LIT = "plain", "lit"
+#: the modules: of the paper's light and camera, without errors and clusters or with them, and of any other
+PLAIN, ERRING, LIT = MODULES = "plain", "erring", "lit"
 
-Parts = tuple[FullOptics | None, bool | None, ModelErrors | None]
+
+class Parts(NamedTuple):
+    """What `fly_many` is compiled with, or without."""
+
+    optics: FullOptics | None
+    clusters: bool | None
+    errors: ModelErrors | None
 
 
 class Arguments(NamedTuple):
@@ -67,11 +73,11 @@ def arguments_of(
     openings: Floats | None = None,
     *,
     num_tracked: int = 0,
-) -> ModuleArguments | None:
-    """Return what flies some starts in a page; None if no module does.
+) -> ModuleArguments:
+    """Return what flies some starts in a page.
 
-    The plain module has no other light, clusters and errors; the other one has all of them. In the paper's
-    light it would decide otherwise in the last digits, so that it does not fly there.
+    Modules other than the plain one always have clusters and errors, which may be none. In the paper's light
+    the one of any other would decide otherwise in the last digits, so that it does not fly there.
 
     Parameters
     ----------
@@ -88,15 +94,14 @@ def arguments_of(
     (optics, clusters, errors), flights, _ = flights_of(
         world, law, controller.numbers, cases, openings, controller.changes
     )
-    if optics is None and (clusters or errors is not None):
-        return None
-    parts: Parts = (None, None, None)
-    if optics is not None:
+    module, parts = PLAIN, Parts(None, None, None)
+    if optics is not None or clusters or errors is not None:
+        module = ERRING if optics is None else LIT
         errors = ModelErrors(cases.fixes, cases.firing, world.course._replace(varying=cases.drag))
-        parts = (FullOptics(by_point=True), True, errors)
+        parts = Parts(None if optics is None else FullOptics(by_point=True), True, errors)
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     tracks = np.zeros((num_tracked, mission.num_controls + 1, NUM_TRACKED), np.float32)
     results = Results(np.zeros((len(starts), NUM_OUTCOMES)), log, tracks=tracks if num_tracked else NO_TRACKS)
     state, work = make_state(world, parts[-1], LANES), make_workspace(world, LANES)
     arguments = Arguments(NAMES, (*parts, flights, state, work, results, 0, 1))
-    return ModuleArguments(PLAIN if optics is None else LIT, arguments)
+    return ModuleArguments(module, arguments)

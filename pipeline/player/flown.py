@@ -60,7 +60,6 @@ class FlownCases(NamedTuple):
 def why_recorded(mission: Mission) -> str:
     """Return in words why no module flies a mission; empty if one does."""
     reasons = {
-        "flights to a goal are not flown in a page": mission.problem.kind != "inspection",
         "flights in plain Python are not flown in a page": mission.flight == "reference"
         or is_interpreted(mission),
         "each case has a mission of its own": bool(distributions(mission.dispersions)),
@@ -104,13 +103,11 @@ def flown_in_page(run: PlayedRun) -> FlownCases | str:
     order = list(dict.fromkeys([*run.rows, *range(len(starts))]))
     prepared = _Prepared(mission, run.controller)
     flown = prepared.flown([starts[order[0]]])
-    if flown is None:
-        return "errors and clusters in the paper's light are not flown in a page"
     if _types_of_modules()[flown.module]["fly"] != types_of(flown.arguments.leaves(Memory())):
         return "the module is of other types than this controller's flights"
     if not prepared.looks_ahead and _size(flown, prepared.flown([starts[order[-1]]])) <= FEW_BYTES:
         every = prepared.flown(list(starts))
-        if every is not None and every.module == flown.module:
+        if every.module == flown.module:
             return _content(flown, _rows([every]), None)
     chosen, each, room = order[:1], [flown], MOST_BYTES
     for row in order[1 : MOST_AHEAD if prepared.looks_ahead else len(order)]:
@@ -118,16 +115,14 @@ def flown_in_page(run: PlayedRun) -> FlownCases | str:
         room -= _size(flown, single)
         if room < 0:
             break
-        if single is not None and single.module == flown.module:
+        if single.module == flown.module:
             chosen.append(row)
             each.append(single)
     return _content(flown, _rows(each), chosen)
 
 
-def _size(first: ModuleArguments, other: ModuleArguments | None) -> int:
+def _size(first: ModuleArguments, other: ModuleArguments) -> int:
     """Return how many bytes a case has of its own."""
-    if other is None:
-        return 0
     pairs = zip(_named(first.arguments).values(), _named(other.arguments).values(), strict=False)
     return sum(there.nbytes for here, there in pairs if not np.array_equal(here, there, equal_nan=False))
 
@@ -139,8 +134,8 @@ class _Prepared:
         self._mission, self._controller = mission, controller
         self.looks_ahead = looks_ahead(controller)
 
-    def flown(self, starts: Sequence[Scenario]) -> ModuleArguments | None:
-        """Return what flies some starts, a single one where a controller looks ahead; None if none does."""
+    def flown(self, starts: Sequence[Scenario]) -> ModuleArguments:
+        """Return what flies some starts, a single one where a controller looks ahead."""
         if not self.looks_ahead:
             return arguments_of(self._mission, self._controller, starts)
         (start,) = starts

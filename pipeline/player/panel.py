@@ -8,7 +8,7 @@ from fis_tools.model.thrust import COMPONENTS, REASONS
 from fis_tools.review import carried, transcribed
 from pipeline.flight.world.chief import chief_attitudes
 from pipeline.flight.world.pack import inspection_points
-from pipeline.player.arguments import PLAIN
+from pipeline.player.arguments import LIT
 from pipeline.player.flown import PACKAGE, as_text, module, tells_reasons
 from pipeline.player.motion import free_motion
 from pipeline.player.runs import Carried, PlayedCases, PlayedPage, PlayedRun
@@ -40,7 +40,7 @@ def panel(page: PlayedPage) -> ScriptedPanel:
         "quadrature": carried.quadrature_data(systems) if systems else ["", ""],
         "cases": _cases(page.cases) if page.cases else None,
         "first": page.first,
-        **({"isFleet": True} if page.is_fleet else {}),
+        "fleets": list(page.fleets) or [1] * len(runs),
         "modules": {name: recorded.packed(module(name)) for name in modules},
         "worker": recorded.as_script("\n".join(worker)) if modules else "",
     }
@@ -65,10 +65,11 @@ def _run(run: PlayedRun, of_run: Carried) -> dict[str, Any]:
         "fileName": run.file_name,
         "command": run.command,
         "why": of_run.why,
-        "flight": _flight(run, is_plain=flown["module"] == PLAIN),
+        "flight": _flight(run, is_plain=flown["module"] not in ("", LIT)),
         # memberships at all samples, which shrink by five sixths
         "systems": recorded.packed(carried.as_json(data).encode()) if data else "",
         "recorded": dict(of_run.recorded),
+        "ends": recorded.planes(of_run.ends, "<i4") if of_run.ends else "",
         "reasons": dict(of_run.reasons),
         **flown,
     }

@@ -99,12 +99,15 @@ class Carried:
         By row, flights as the product logged them.
     why : str
         Why other rows do not open.
+    ends : sequence of int
+        By row, the sample at which a flight that is flown ends; none where all end alike.
     """
 
     flown: Mapping[str, Any] | None = None
     reasons: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
     recorded: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
     why: str = ""
+    ends: Sequence[int] = ()
 
 
 @dataclass(frozen=True)
@@ -121,8 +124,9 @@ class PlayedPage:
     cases : PlayedCases, optional
     first : int
         Row of the case that is shown first.
-    is_fleet : bool
-        Whether the runs are the deputies of one fleet, in its cases.
+    fleets : sequence of int
+        How many of the runs, one after the other, are the deputies of a fleet; 1 for what flies alone, as
+        all do where none are given. `PlayedCases.succeeds` tells of each fleet.
     """
 
     title: str
@@ -130,4 +134,4 @@ class PlayedPage:
     runs: Sequence[tuple[PlayedRun, Carried]]
     cases: PlayedCases | None = None
     first: int = 0
-    is_fleet: bool = False
+    fleets: Sequence[int] = ()

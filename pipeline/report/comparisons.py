@@ -45,13 +45,13 @@ def read_comparison(folder: Path) -> list[comparison.ComparisonRow]:
     return rows
 
 
-def tables_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[list[str]]]]:
-    """Return a table for each Sun setting: the setting and its lines, with a cell for each of `HEADINGS`.
+def tables_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[str], list[list[str]]]]:
+    """Return a table for each Sun setting: the setting, headings of what is told, and lines.
 
     There are no tables where the rows are of several worlds.
     """
     suns = [] if comparison.worlds_of(rows) else comparison.suns_of(rows)
-    return [(sun, comparison.lines_of(rows, sun)) for sun in suns]
+    return [(sun, *comparison.table_of(rows, sun)) for sun in suns]
 
 
 def marks_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[ControllerMark]]]:

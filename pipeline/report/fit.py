@@ -16,7 +16,7 @@ HEADS = ("", "flights", "success", "outside", "points missed", "delta-v (m/s)")
 BY_RULES = "fuel by rules (%)"
 
 
-def render_fit(name: str, result: Mapping[str, Any], player: ScriptedPanel | str = "") -> str:
+def render_fit(name: str, result: Mapping[str, Any], player: ScriptedPanel | None = None) -> str:
     """Render the page.
 
     Parameters
@@ -25,17 +25,15 @@ def render_fit(name: str, result: Mapping[str, Any], player: ScriptedPanel | str
         Of the controller.
     result : mapping
         Of `fit/summary.json`.
-    player : ScriptedPanel or str
-        The player of the flights that no choice has seen, or in words why there is none.
+    player : ScriptedPanel, optional
+        The player of the flights that no choice has seen.
     """
     blocks = list(_blocks(name, result))
     if player:
-        what = (
-            f"They do not open here: {player}." if isinstance(player, str) else caption_of("fitted_flights")
-        )
+        what = caption_of("fitted_flights")
         blocks += [Heading("The flights that no choice has seen"), Paragraph(what)]
     style = read("templates/report.css", "pipeline.report")
-    return page(Document(blocks), style, None if isinstance(player, str) else player)
+    return page(Document(blocks), style, player)
 
 
 def _blocks(name: str, result: Mapping[str, Any]) -> Iterator[Block]:

@@ -109,15 +109,15 @@ def _words_of_player(contents: Contents, player: ScriptedPanel | str | None) -> 
         return f"No flight opens here: {player}."
     if player is None or not (contents.is_comparison or contents.evaluation):
         return ""
-    if contents.experiment.mission.has_fleet:
-        return caption_of("flights_of_fleets", why=WHY)
+    has_fleet = contents.experiment.mission.has_fleet
     if contents.is_comparison:
         world, sun = compared_in(contents.experiment)
         there = [f"in the world {world}"] if world else []
         there += [f"under the Sun {sun}"] if len(contents.experiment.compare.suns) > 1 else []
         where = f" The flights are those {' '.join(there)}." if there else ""
-        return caption_of("side_by_side") + where + _left_out(contents.experiment)
-    return caption_of("flights_to_goal")
+        words = caption_of("fleets_side_by_side" if has_fleet else "side_by_side", why=WHY)
+        return words + where + _left_out(contents.experiment)
+    return caption_of("flights_of_fleets" if has_fleet else "flights_to_goal", why=WHY)
 
 
 def _means(mission: Mission, has_unseen: bool) -> list[tuple[str, int, str]]:
@@ -205,7 +205,8 @@ def _towards_goal(contents: Contents, illustrations: Mapping[str, Illustration])
         yield Paragraph(lead(who, summary, experiment.mission))
         yield from _results(summary)
     yield from (illustration.block for illustration in illustrations.values())
-    for _, lines in comparisons.tables_of(contents.comparison):
+    for sun, _, _ in comparisons.tables_of(contents.comparison):
+        lines = comparison.lines_of(contents.comparison, sun)
         heads, *rows = ([line[column] for column in OF_TABLE] for line in (comparison.HEADINGS, *lines))
         words = " ".join(comparison.describe_columns(experiment))
         yield Table(heads, rows, caption=f"Controllers from the same starts: {words}", numbers=(1, 2, 3, 4))

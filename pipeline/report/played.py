@@ -1,8 +1,8 @@
 """The player of pages: the cases of a run, or of several runs on the cases that they share."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import product
+from dataclasses import replace
+from itertools import chain, product
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from pipeline.evaluation.statistics import Columns
 from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.control.controller import Controller, ControllerError
 from pipeline.flight.goals.flights import fly_all, fly_logged
+from pipeline.flight.goals.reach import ReachOutcomes
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.player.flown import flown_in_page, tells_reasons
 from pipeline.player.panel import panel
@@ -25,14 +26,15 @@ from pipeline.recording.reflight import start_of
 from pipeline.report.case_measures import (
     FUEL,
     MOST_CASES,
-    CaseMeasures,
+    NEAREST_PAIR,
     has_columns,
     measures_of,
     succeeds_in,
     told_columns,
 )
 from pipeline.report.contents import Contents
-from pipeline.report.played_fleets import player_of_fleets
+from pipeline.report.evaluated_run import EvaluatedRun
+from pipeline.report.played_fleets import deputies_of, fleets_in, player_of_fleet, player_of_fleets
 from pipeline.report.scene import recorded_table, told_reasons
 from pipeline.run import typed
 from pipeline.scenarios import evaluation_scenarios
@@ -40,19 +42,8 @@ from pipeline.settings.experiment import Experiment, Mission
 from plain_files.document.html import ScriptedPanel
 from telemetry.file.reader import read
 
-#: runs beside each other at most
-MOST_RUNS = 8
-
-
-@dataclass(frozen=True)
-class EvaluatedRun:
-    """A run with its evaluation: what beside others it is called, and the command that flies its cases."""
-
-    name: str
-    experiment: Experiment
-    controller: Controller
-    episodes: Columns
-    command: str
+#: runs beside each other at most, and of a comparison of fleets at least
+MOST_RUNS, FEWEST_FLEETS = 8, 2
 
 
 def player_of_run(contents: Contents) -> ScriptedPanel | None:
@@ -64,16 +55,18 @@ def player_of_run(contents: Contents) -> ScriptedPanel | None:
     if controller is None:
         return None
     episodes = contents.evaluation.episodes if contents.evaluation else None
-    if experiment.mission.has_fleet:
-        return player_of_fleets(experiment, controller, episodes, contents.shown)
     if episodes is None or not has_columns(episodes, experiment.mission):
         if not contents.shown:
             return None
         shown = contents.shown[0]
+        if experiment.mission.has_fleet:
+            return player_of_fleet(experiment, controller, shown) if shown.fleet else None
         return player_of_flight(experiment, controller, shown.log, shown.title, shown.scenario)
     run = EvaluatedRun(experiment.name, experiment, controller, episodes, typed.fly(typed.RUN, "case=CASE"))
+    if experiment.mission.has_fleet:
+        return player_of_fleets(run)
     rows = range(min(MOST_CASES, number_of(episodes)))
-    return panel(_page([run], [rows], "", experiment.name))
+    return panel(_page([run], [rows], experiment.name))
 
 
 def player_of_comparison(contents: Contents) -> ScriptedPanel | str:
@@ -105,11 +98,12 @@ def shown_of(experiment: Experiment) -> Sequence[tuple[str, str]]:
 
     Where there are too many, they are the first controllers under the first layer alone.
     """
-    compare = experiment.compare
+    compare, deputies = experiment.compare, experiment.mission.fleet.deputies
+    most = max(MOST_RUNS // deputies, FEWEST_FLEETS)
     every = list(product(compare.controllers, compare.safety))
-    if len(every) <= MOST_RUNS:
+    if len(every) <= most:
         return every
-    return [(name, compare.safety[0]) for name in compare.controllers[:MOST_RUNS]]
+    return [(name, compare.safety[0]) for name in compare.controllers[:most]]
 
 
 def _contenders(there: Experiment, flights: Columns, world: str) -> Iterator[tuple[EvaluatedRun, list[int]]]:
@@ -153,20 +147,21 @@ def player_of_runs(
     file_name : str
         By which an address names the page.
     """
-    if why := next(filter(None, (_why_hidden(run.experiment.mission) for run in runs)), ""):
-        return why
-    if not all(has_columns(run.episodes, run.experiment.mission) for run in runs):
+    measured = {name for name, *_ in measures_of(runs[0].experiment.mission).columns[:2]}
+    if not all(
+        has_columns(run.episodes, run.experiment.mission) and measured <= set(run.episodes) for run in runs
+    ):
         return "the evaluations do not tell what is plotted"
+    if len(runs) == 1 and runs[0].experiment.mission.has_fleet:
+        return player_of_fleets(runs[0])
     shared = [list(each)[:MOST_CASES] for each in rows]
-    return panel(_page(list(runs)[:MOST_RUNS], shared[:MOST_RUNS], "", file_name))
+    return panel(_page(list(runs)[:MOST_RUNS], shared[:MOST_RUNS], file_name))
 
 
 def player_of_starts(
     experiment: Experiment, mission: Mission, controller: Controller, starts: Sequence[Scenario]
-) -> ScriptedPanel | str:
-    """Fly some starts by a controller, and return their player, or in words why there is none."""
-    if why := _why_hidden(mission):
-        return why
+) -> ScriptedPanel:
+    """Fly some starts by a controller, and return their player."""
     starts = list(starts)[:MOST_CASES]
     outcomes = fly_all(mission, controller, starts, experiment.monte_carlo.workers)
     episodes = episode_columns(mission, starts, outcomes)
@@ -196,7 +191,7 @@ def player_of_worst(
         As the stage assure writes them.
     """
     flown = [each for each in requirements if each.get("worst")]
-    if not flown or _why_hidden(experiment.mission):
+    if not flown:
         return None
     starts = [start_of(read(folder / each["worst"]["recording"], ())) for each in flown]
     words = [
@@ -213,26 +208,17 @@ def player_of_worst(
     return panel(PlayedPage("", "worst", [(run, carried_of(run))], cases))
 
 
-def _why_hidden(mission: Mission) -> str:
-    """Return in words why a page does not play a mission; empty if it does."""
-    if mission.has_fleet:
-        return "fleets are not shown beside each other"
-    return ""
-
-
-def _page(
-    runs: Sequence[EvaluatedRun], rows: Sequence[Sequence[int]], title: str, file_name: str
-) -> PlayedPage:
-    measures = measures_of(runs[0].experiment.mission)
+def _page(runs: Sequence[EvaluatedRun], rows: Sequence[Sequence[int]], file_name: str) -> PlayedPage:
+    is_alone, measures = len(runs) == 1, measures_of(runs[0].experiment.mission)
+    measured = measures.columns if is_alone else measures.columns[:2]
     values = [
-        {name: np.array(values_at(run.episodes, name, of_run)) for name, *_ in measures.columns}
+        {name: np.array(values_at(run.episodes, name, of_run)) for name, *_ in measured}
         for run, of_run in zip(runs, rows, strict=True)
     ]
     numbers = np.array(values_at(runs[0].episodes, "case", rows[0]))
     succeeds = [succeeds_in(run.episodes, of_run) for run, of_run in zip(runs, rows, strict=True)]
-    is_alone = len(runs) == 1
     columns, plots = (
-        (told_columns(measures, values[0]), measures.plots) if is_alone else _paired(measures, values)
+        (told_columns(measures, values[0]), measures.plots) if is_alone else _paired(runs, values)
     )
     cases = PlayedCases(numbers, succeeds, columns, plots)
     order = np.argsort(values[-1][FUEL] - (0.0 if is_alone else values[0][FUEL]), kind="stable")
@@ -243,24 +229,26 @@ def _page(
         int(order[0]),
         *(int(measures.worst(each[measures.columns[1][0]])) for each in values),
     ]
-    played = [
-        _played(run, [int(case) for case in values_at(run.episodes, "case", of_run)], telling)
-        for run, of_run in zip(runs, rows, strict=True)
-    ]
-    return PlayedPage(title, file_name, [(run, carried_of(run)) for run in played], cases, first)
+    for run, of_run in zip(runs, rows, strict=True):
+        if run.experiment.mission.has_fleet:
+            telling.append(int(np.argmin(values_at(run.episodes, NEAREST_PAIR, of_run))))
+    played = [_played(run, of_run, telling) for run, of_run in zip(runs, rows, strict=True)]
+    return PlayedPage("", file_name, [*chain(*played)], cases, first, [*map(len, played)])
 
 
 def _paired(
-    measures: CaseMeasures, values: Sequence[Mapping[str, Any]]
+    runs: Sequence[EvaluatedRun], values: Sequence[Mapping[str, Any]]
 ) -> tuple[list[CaseColumn], list[CasePlot]]:
     """Return the first two measures of each run as columns, and plots of each run against the first."""
     columns, plots = [], []
+    measures, *others = (measures_of(run.experiment.mission) for run in runs)
+    labels = [{name: label for name, label, _ in each.columns} for each in (measures, *others)]
     letters = [chr(ord("A") + index) for index in range(len(values))]
     is_pair = len(values) == 2  # the table of more has room for their fuel
     for name, label, decimals in measures.columns[:2]:
-        for letter, of_run in zip(letters, values, strict=True):
+        for letter, of_run, words_of in zip(letters, values, labels, strict=True):
             is_told = name == FUEL or is_pair
-            words = f"{name}_{letter}", f"{letter}: {label}", decimals
+            words = f"{name}_{letter}", f"{letter}: {words_of.get(name, label)}", decimals
             columns.append(CaseColumn(*words, of_run[name], is_told))
     for letter, of_run in zip(letters[1:], values[1:], strict=True):
         more = of_run[FUEL] - values[0][FUEL]
@@ -272,26 +260,59 @@ def _paired(
     return columns, plots
 
 
-def _played(run: EvaluatedRun, cases: Sequence[int], rows: Sequence[int]) -> PlayedRun:
-    experiment = run.experiment
-    starts = evaluation_scenarios(experiment, list(cases))
-    return PlayedRun(run.name, experiment.name, experiment.mission, run.controller, starts, rows, run.command)
+def _played(
+    run: EvaluatedRun, rows: Sequence[int], telling: Sequence[int]
+) -> list[tuple[PlayedRun, Carried]]:
+    """Return a run as a page plays it, or the deputies of its fleets, of which the telling rows open."""
+    experiment, controller, mission = run.experiment, run.controller, run.experiment.mission
+    cases = [int(case) for case in values_at(run.episodes, "case", rows)]
+    if mission.has_fleet:
+        flown = fleets_in(run, {row: cases[row] for row in telling})
+        return deputies_of(experiment, controller, flown, run.command, run.name)
+    starts = evaluation_scenarios(experiment, cases)
+    alone = PlayedRun(run.name, experiment.name, mission, controller, starts, telling, run.command)
+    ends_s = values_at(run.episodes, "end_s", rows) if mission.problem.kind == "reach" else []
+    return [(alone, carried_of(alone, ends_s))]
 
 
-def carried_of(run: PlayedRun) -> Carried:
-    """Return what a page carries of a run's flights: those that a module flies, else a few as recorded."""
+def carried_of(run: PlayedRun, ends_s: Sequence[float] = ()) -> Carried:
+    """Return what a page carries of a run's flights: those that a module flies, else a few as recorded.
+
+    Parameters
+    ----------
+    run : PlayedRun
+    ends_s : sequence of float
+        When flights to a goal end, s, where that is known.
+    """
     mission, controller = run.mission, run.controller
     rows = list(dict.fromkeys(run.rows))
     flown = flown_in_page(run)
     if isinstance(flown, str):
         recorded = {row: _recorded(run, row) for row in rows}
         return Carried(recorded=recorded, why=flown)
-    why = "" if flown.rows is None else "what was drawn or chosen for it takes too much room"
+    others = [] if flown.rows is None else [row for row in rows if row not in flown.rows]
+    carried = Carried(
+        flown.content,
+        recorded={row: _recorded(run, row) for row in others},
+        why="" if flown.rows is None else "what was drawn or chosen for it takes too much room",
+        ends=_ends(run, ends_s),
+    )
     if tells_reasons(mission, controller):
-        return Carried(flown.content, why=why)
+        return carried
     carried_rows = rows if flown.rows is None else flown.rows
     reasons = {row: told_reasons(_logged(run, row), controller, mission) for row in carried_rows}
-    return Carried(flown.content, reasons, why=why)
+    return replace(carried, reasons=reasons)
+
+
+def _ends(run: PlayedRun, ends_s: Sequence[float]) -> list[int]:
+    """Return the samples at which flights to a goal end, by row; none of other flights."""
+    mission = run.mission
+    if mission.problem.kind != "reach":
+        return []
+    if not ends_s:
+        flown = fly_all(mission, run.controller, list(run.starts))
+        ends_s = flown.end_s.tolist() if isinstance(flown, ReachOutcomes) else []
+    return [round(end_s / mission.control_period_s) for end_s in ends_s]
 
 
 def _logged(run: PlayedRun, row: int) -> FlightLog:

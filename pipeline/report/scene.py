@@ -11,6 +11,7 @@ from fis_tools.model.thrust import COMPONENTS, REASONS
 from fis_tools.words.text import sentence
 from pipeline.array_types import Booleans
 from pipeline.flight.control.controller import Controller
+from pipeline.flight.goals.reach import until_end
 from pipeline.flight.state.log import REHEARSED, FlightLog
 from pipeline.flight.world.pack import pack_world
 from pipeline.recording.events import chosen_ahead
@@ -23,7 +24,8 @@ HILL = "hill"
 
 
 def recorded_table(log: FlightLog, controller: Controller, mission: Mission) -> dict[str, Any]:
-    """Return a flight as the player takes it where it is not flown in the page."""
+    """Return a flight, up to where it ends, as the player takes it where it is not flown in the page."""
+    log = until_end(mission, log)
     return flight_table(log, mission) | {
         **told_reasons(log, controller, mission),
         "isDecided": _bits(log.is_decided),
@@ -33,6 +35,7 @@ def recorded_table(log: FlightLog, controller: Controller, mission: Mission) -> 
 
 def told_reasons(log: FlightLog, controller: Controller, mission: Mission) -> dict[str, Any]:
     """Return why a flight fired what it fired: texts, and for each control period those of each axis."""
+    log = until_end(mission, log)
     texts, of_sample = _reasons(mission, log, controller)
     return {"texts": texts, "reasons": of_sample}
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.evaluation import statistics
 from pipeline.evaluation.comparison import percent_ahead
+from pipeline.evaluation.evaluated import read_flights
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.paired_runs import (
     METRICS,
@@ -24,7 +25,7 @@ from pipeline.evaluation.paired_runs import (
 )
 from pipeline.evaluation.statistics import Statistic, fraction, statistic
 from pipeline.report.contents import read_summary
-from pipeline.run import artifacts, configuration, manifests, sweep, tables, typed
+from pipeline.run import artifacts, configuration, manifests, sweep, typed
 from pipeline.settings.experiment import Mission
 from pipeline.settings.groups import names_of
 from pipeline.settings.keys import FREE, TAGS
@@ -215,7 +216,7 @@ def gather_results(folder: Path) -> SweepResults:
         summary = read_summary(path) if (path / artifacts.SUMMARY).exists() else None
         if summary is not None:
             confidence = float(summary.get("confidence_percent", confidence))
-            episodes[run.folder] = tables.read_or_open(path, artifacts.EPISODES)
+            episodes[run.folder] = read_flights(path)
             makes_controllers |= not MAKING.isdisjoint(configuration.read(path).get("stages", []))
         runs.append(_run_result(folder, run, summary))
     flown = [(run.differs, episodes[run.folder]) for run in runs if run.folder in episodes]

@@ -7,9 +7,11 @@ import numpy as np
 
 from pipeline.evaluation.paired_runs import METRICS, REPLICATE, Compared, Effect, Metric, common_cases
 from pipeline.evaluation.statistics import Columns
+from pipeline.report.evaluated_run import EvaluatedRun
 from pipeline.report.figures.comparison import front_of_runs
 from pipeline.report.figures.style import caption_of, illustrate, style
-from pipeline.report.played import EvaluatedRun, player_of_runs
+from pipeline.report.played import player_of_runs
+from pipeline.report.played_fleets import WHY
 from pipeline.report.sweep import SweepResults
 from pipeline.run import typed
 from plain_files.document import Block, Code, Document, Figure, Heading, Items, Paragraph, Table, html
@@ -19,6 +21,13 @@ FUEL_SHARES = "fuel by rules / chosen ahead (%)"
 #: metrics in sentences, where their labels are no nouns
 NOUNS = {"success": "success rate", "violated": "flights outside the limits"}
 DOTS_PER_INCH = 100
+#: what is said of the flights of runs, by whether one is alone, and whether there are fleets
+CAPTIONS = {
+    (True, False): "flights_of_one",
+    (True, True): "flights_of_fleets",
+    (False, False): "side_by_side",
+    (False, True): "fleets_side_by_side",
+}
 #: what a star means, and where p-values and intervals come from
 STAR = "* shown by its test, however many are compared here (Holm's method):"
 TESTS = (
@@ -157,8 +166,8 @@ def _with_player(document: Document, played: Sequence[EvaluatedRun], name: str) 
         return html.page(document, style)
     rows = shared_rows([run.episodes for run in played])
     player = player_of_runs(played, rows, name) if len(rows[0]) else "no case is common to all of them"
-    is_alone = len(played) == 1
-    says = caption_of("flights_of_one" if is_alone else "side_by_side")
+    is_alone, has_fleets = len(played) == 1, any(run.experiment.mission.has_fleet for run in played)
+    says = caption_of(CAPTIONS[is_alone, has_fleets], why=WHY)
     says = f"No flight opens here: {player}." if isinstance(player, str) else says
     heading = f"The flights of {played[0].name}" if is_alone else "The same case side by side"
     shown = [*document.blocks, Heading(heading), Paragraph(says)]

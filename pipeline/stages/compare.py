@@ -33,7 +33,8 @@ PART = 100
 def run(experiment: Experiment, folder: Path) -> None:
     """Fly all controllers, and write the table."""
     is_inspection = experiment.mission.problem.kind == "inspection"
-    rows = [comparison.published_row(comparison.PAPER_TEST)] if is_inspection else []
+    is_papers = is_inspection and not experiment.mission.has_fleet  # of one deputy
+    rows = [comparison.published_row(comparison.PAPER_TEST)] if is_papers else []
     flown: list[Row] = []
     lots = [lot for world in experiment.compare.worlds or [""] for lot in _lots(experiment, world)]
     for lot, of_lot in zip(lots, _fly(lots, experiment), strict=True):

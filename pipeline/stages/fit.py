@@ -424,7 +424,7 @@ def _write(
     folder: Path,
     controller: FuzzyController,
     result: Mapping[str, Any],
-    player: ScriptedPanel | str,
+    player: ScriptedPanel,
 ) -> None:
     """Write the controller, for flights and for people, the summary, and the page."""
     facts = {**manifests.provenance(experiment, folder), "fitted_from": str(result["words"])}

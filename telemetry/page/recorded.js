@@ -49,7 +49,6 @@ export function recordedFlight(table) {
     force: k => (k <= last ? force(k) : [0, 0, 0]),
     numSeen: k => held.filter((_, j) => bit(isSeen, k * table.numPoints + j)).length,
     stride: table.stride ?? 1,
-    seenBy: table.seenBy,
     isDecided: k => Boolean(table.isDecided) && k <= last && bit(isDecidedThen, k),
     inputs: (k, system, count) => arrays.inputs.subarray((k * table.numSystems + system) * 3).slice(0, count),
     sun: k => (arrays.sun.length ? three(arrays.sun, k) : null),

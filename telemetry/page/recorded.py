@@ -49,7 +49,7 @@ def write(*files: Path) -> str:
         runs.append(
             {
                 **{"name": name, "fileName": file.stem, "command": "", "why": "", "flight": flight},
-                **{"systems": "", "recorded": {0: table}, "reasons": {}},
+                **{"systems": "", "recorded": {0: table}, "reasons": {}, "ends": ""},
                 **{"module": "", "snapshot": None, "own": None},
             }
         )
@@ -59,7 +59,8 @@ def write(*files: Path) -> str:
         blocks.append(Paragraph(OF_FLEET))
     content: dict[str, Any] = {
         **{"title": names[0], "fileName": files[0].stem, "runs": runs, "words": {}, "quadrature": ["", ""]},
-        **{"cases": None, "first": 0, "modules": {}, "worker": "", "isFleet": is_fleet},
+        **{"cases": None, "first": 0, "modules": {}, "worker": ""},
+        "fleets": [len(runs)] if is_fleet else [1] * len(runs),
     }
     return page(Document(blocks), "", panel("The flight", content, names))
 

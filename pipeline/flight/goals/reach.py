@@ -7,6 +7,7 @@ goal if it ends there no faster than ``goal_speed_m_s``. The start is given, so 
 """
 
 from dataclasses import dataclass
+from typing import get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +68,20 @@ def ended(mission: Mission, log: FlightLog) -> tuple[int, str]:
     if not is_there[0]:
         return last, "not arrived in time"
     return last, "" if speed[0, last] <= problem.goal_speed_m_s else "a crash"
+
+
+def until_end(mission: Mission, log: FlightLog) -> FlightLog:
+    """Return a flight's log up to where it ends; all of it in a mission without a goal to reach."""
+    if mission.problem.kind != "reach":
+        return log
+    last, _ = ended(mission, log)
+    lengths = {"K+1": last + 1, "K": last}
+    kept = {}
+    for name, hint in get_type_hints(FlightLog, include_extras=True).items():
+        rows = next(iter(getattr(hint, "__metadata__", ())), "")
+        if rows in lengths:
+            kept[name] = getattr(log, name)[: lengths[rows]]
+    return log._replace(**kept)
 
 
 def judged(mission: Mission, outcomes: Outcomes, tracks: NDArray[np.floating]) -> ReachOutcomes:

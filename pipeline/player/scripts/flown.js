@@ -22,13 +22,17 @@ globalThis.beginWorker = beginWorker; // for whoever looks from the console, and
 /** What is said of a push where what is flown does not tell its reason. */
 const UNTOLD = "Its reason stands in a recording of this flight.";
 
-/** A flight from the log that a worker returns; `reasons`, where given, are a table of those that the product logged. */
-function flownFlight(shared, log, reasons) {
-  const { numPoints, numSamples, tellsReasons } = shared, last = numSamples - 1, width = log.inputs.length / last / Math.max(1, shared.numSystems);
+/**
+ * A flight from the log that a worker returns; `reasons`, where given, are a table of those that the product logged,
+ * and `last` is the sample at which the flight ends, where that is not the log's last.
+ */
+function flownFlight(shared, log, reasons, last = shared.numSamples - 1) {
+  const { numPoints, tellsReasons } = shared, width = log.inputs.length / (shared.numSamples - 1) / Math.max(1, shared.numSystems);
   const untold = () => ({ texts: [UNTOLD], reasons: Array.from({ length: last }, () => [0, 0, 0]) });
   const table = reasons ?? (tellsReasons ? null : untold());
   const flight = {
     ...shared,
+    numSamples: last + 1,
     numCounted: log.counted.subarray(0, numPoints).reduce((sum, counts) => sum + counts, 0),
     pointsAt: shared.attitude.length ? k => turnedPoints(shared.points, shared.attitude, k) : null,
     position: k => three(log.position, k),

@@ -2,13 +2,20 @@
 
 const LETTERS = "ABCDEFGH";
 
+/** The letters of flights beside each other, fleet by fleet, from how many deputies each fleet has. */
+function lettersOf(fleets) {
+  if (fleets.length === 1) return [fleets[0] === 1 ? [""] : [...LETTERS].slice(0, fleets[0])];
+  const numbered = (size, letter) => Array.from({ length: size }, (_, deputy) => `${letter}${deputy + 1}`);
+  return fleets.map((size, index) => (size === 1 ? [LETTERS[index]] : numbered(size, LETTERS[index])));
+}
+
 /** The cases of a set of runs: their numbers, columns, words, and which run succeeds in them. */
-async function readCases({ steps, columns, succeeds, words, outcome }, letters) {
+async function readCases({ steps, columns, succeeds, words, outcome }) {
   const marks = succeeds.map(bytesOf), succeedsIn = marks.map(mark => row => (mark[row >> 3] >> (row & 7) & 1) > 0);
   return {
     numbers: new Int32Array(bytesOf(steps).buffer).map((sum => step => (sum += step))(0)),
     columns: await Promise.all(columns.map(async column => ({ ...column, values: Float64Array.from(new BigInt64Array((await planesOf(column.values, 8)).buffer), value => Number(value) / column.parts) }))),
-    words, letters, outcome, succeeds: succeedsIn,
+    words, outcome, letters: [...LETTERS].slice(0, succeeds.length), succeeds: succeedsIn,
     isGood: row => succeedsIn.every(succeedsAt => succeedsAt(row)),
     get count() { return this.numbers.length; },
   };
@@ -27,9 +34,10 @@ class Player {
     sheet.replaceSync(PLAYER_STYLE);
     document.adoptedStyleSheets.push(sheet);
     this.root.classList.add("begun");
-    const { page } = this, roots = this.root.querySelectorAll(".side"), isAlone = page.runs.length === 1;
+    const { page } = this, roots = this.root.querySelectorAll(".side");
     for (const run of page.runs) if (run.systems.length) run.systems = JSON.parse(new TextDecoder().decode(await inflated(run.systems)));
-    this.sides = page.runs.map((run, index) => new Side(run, page, roots[index], isAlone ? "" : LETTERS[index]));
+    const fleets = lettersOf(page.fleets).flatMap((letters, index) => letters.map(letter => ({ letter, fleet: { index, letters } })));
+    this.sides = page.runs.map((run, index) => new Side(run, page, roots[index], fleets[index]));
     this.lead = this.sides[0];
     await Promise.all(this.sides.map(side => side.begin()));
     if (this.page.cases) await this.showCases();
@@ -58,7 +66,7 @@ class Player {
 
   /** Draw the cases as the page describes their plots, and as a table. */
   async showCases() {
-    this.cases = await readCases(this.page.cases, this.sides.map(({ letter }) => letter));
+    this.cases = await readCases(this.page.cases);
     const open = row => this.open(row), columns = names => names.map(name => this.cases.columns.find(column => column.name === name));
     const card = (name, label) => { const box = make("section", { class: `card ${name}`, "aria-label": label }); this.part("cases").append(box); return box; };
     for (const plot of this.page.cases.plots) {
@@ -69,17 +77,19 @@ class Player {
     this.marks.push(...this.dots.map(({ mark }) => mark), casesTable(card("table", "Table of the cases"), this.cases, open));
   }
 
-  /** Let the sides beside each other be chosen, where there are more than two. */
+  /** Let the sides beside each other be chosen, where there are more than two; of each fleet one begins. */
   chooseSides() {
-    this.sides.forEach(({ root }, index) => { root.hidden = index > 1; });
+    const isFirst = ({ letter, fleet }) => this.page.fleets.length === 1 || letter === fleet.letters[0];
+    const begun = this.sides.filter(isFirst).slice(0, 2);
+    this.sides.forEach(side => { side.root.hidden = !begun.includes(side); });
     if (this.sides.length < 3) return;
-    const boxes = this.sides.map((side, index) => {
+    const boxes = this.sides.map(side => {
       const box = make("input", { type: "checkbox", change: () => {
         side.root.hidden = !box.checked;
         if (this.sides.every(({ root }) => root.hidden)) { box.checked = true; side.root.hidden = false; }
         if (this.row !== null) this.open(this.row, this.seconds);
       } });
-      box.checked = index < 2;
+      box.checked = !side.root.hidden;
       return make("label", {}, box, ` ${side.letter}: ${side.run.name}`);
     });
     this.part("chosen").replaceChildren(make("span", { class: "small" }, "Beside each other:"), ...boxes);
@@ -90,12 +100,12 @@ class Player {
     const turn = ++this.opening, said = this.part("said"), number = this.cases?.numbers[row];
     const asked = this.sides.filter(({ root }) => !root.hidden), able = asked.filter(side => side.canOpen(row));
     const refused = asked.filter(side => !side.canOpen(row)).map(side => side.refusal(number));
-    said.textContent = (this.page.isFleet ? refused.slice(0, 1) : refused).join("\n");
+    said.textContent = [...new Set(refused)].join("\n"); // deputies of a fleet for one reason
     if (!able.length) return;
-    let flights, fleet;
+    let flights, fellows;
     try {
       flights = await Promise.all(able.map(side => side.flightOf(row)));
-      fleet = await Promise.all(this.page.isFleet ? this.sides.map(async side => ({ side, letter: side.letter, flight: await side.flightOf(row) })) : []);
+      fellows = await Promise.all(able.map(side => this.fellowsOf(side, row)));
     } catch (error) {
       said.textContent = `This case could not be flown here: ${error.message}`;
       return;
@@ -103,7 +113,7 @@ class Player {
     if (turn !== this.opening) return;
     const still = matchMedia("(prefers-reduced-motion: reduce)").matches ? 1 / 3 : 0;
     this.take(able, flights);
-    able.forEach(here => { here.view.fellows = fleet.filter(({ side }) => side !== here); });
+    able.forEach((side, index) => { side.view.fellows = fellows[index]; });
     const whole = (this.lead.flight.numSamples - 1) * this.lead.flight.periodS;
     this.row = row;
     this.seconds = Math.min(Math.max(0, seconds ?? this.seconds ?? still * whole), whole);
@@ -113,6 +123,12 @@ class Player {
     this.lead.view.show(this.lead.sampleAt(this.seconds));
     this.showTime(this.seconds);
     this.tell("played", { number, systems: this.lead.sensed(), time: this.seconds });
+  }
+
+  /** What the other deputies of a side's fleet fly, also those that no side shows. */
+  fellowsOf(side, row) {
+    const others = this.sides.filter(other => other !== side && other.fleet.index === side.fleet.index && other.canOpen(row));
+    return Promise.all(others.map(async other => ({ letter: other.letter, flight: await other.flightOf(row) })));
   }
 
   /** Give flights to their sides; the longest has the time that counts. */
@@ -152,8 +168,8 @@ class Player {
     const extents = Object.fromEntries(Object.keys(all[0]).map(name => [name, Math.max(...all.map(each => each[name]))]));
     const go = seconds => this.go(seconds), number = this.cases?.numbers[this.row];
     for (const side of this.shownSides) {
-      const index = this.sides.indexOf(side), which = this.cases?.words[this.row] ?? (number === undefined ? this.page.title : `Case ${number}`);
-      const succeeds = this.cases?.succeeds[this.page.isFleet ? 0 : index];
+      const which = this.cases?.words[this.row] ?? (number === undefined ? this.page.title : `Case ${number}`);
+      const succeeds = this.cases?.succeeds[side.fleet.index];
       side.draw({
         title: side.letter ? `${side.letter}: ${side.run.name}` : which,
         outcome: [side.letter && this.cases ? which : "", succeeds ? this.cases.outcome[succeeds(this.row) ? 1 : 2] : ""].filter(Boolean).join(" · "),

@@ -16,9 +16,12 @@ function namedRule(systems, quadrature) {
 }
 
 class Side {
-  /** `run` is one of a page's, `root` the element that shows it, `letter` its name beside others or nothing. */
-  constructor(run, page, root, letter) {
-    Object.assign(this, { run, page, root, letter, panels: [], flight: null, view: null });
+  /**
+   * `run` is one of a page's, `root` the element that shows it, `letter` its name beside others or nothing, `fleet`
+   * has the index of the fleet that its deputy is of, and the letters of all its deputies.
+   */
+  constructor(run, page, root, { letter, fleet }) {
+    Object.assign(this, { run, page, root, letter, fleet, panels: [], flight: null, view: null });
     this.part = name => root.querySelector(`.${name}`);
     this.systems = (run.systems || []).map(system => ({ ...decodeSystem(system), axis: system.axis }));
     const quadrature = this.systems.length && { chances: decodeDoubles(page.quadrature[0]), weights: decodeDoubles(page.quadrature[1]) };
@@ -38,8 +41,9 @@ class Side {
 
   /** Start the module that flies the run's cases, if it has one. */
   async begin() {
-    const { module, snapshot, own } = this.run;
+    const { module, snapshot, own, ends } = this.run;
     if (!module) return;
+    if (ends) this.ends = new Int32Array((await planesOf(ends, 4)).buffer);
     this.ask = beginWorker(this.page.worker);
     const [content] = await Promise.all([inflated(own.content), this.ask({ module: this.page.modules[module], snapshot })]);
     this.own = new Uint8Array(content);
@@ -66,9 +70,10 @@ class Side {
     const recorded = this.run.recorded[row];
     if (recorded) {
       const { attitude, ...shared } = this.run.flight; // a recording has the chief's own
-      return { ...recordedFlight({ ...shared, ...recorded, coast: shared.freeMotion }), of: this.shared.of };
+      const seenBy = recorded.seenBy && [...recorded.seenBy].map(deputy => this.fleet.letters[deputy - 1] ?? "none");
+      return { ...recordedFlight({ ...shared, ...recorded, coast: shared.freeMotion }), seenBy, of: this.shared.of };
     }
-    const flight = flownFlight(this.shared, await this.ask(this.caseOf(row)), this.run.reasons[row]);
+    const flight = flownFlight(this.shared, await this.ask(this.caseOf(row)), this.run.reasons[row], this.ends?.[row]);
     if (this.run.flight.isPlain) flight.isLit = (k, j) => facesSun(flight.points[j], flight.sun(k));
     else flight.tellsLight = false;
     return flight;
@@ -76,8 +81,8 @@ class Side {
 
   /** Why a row does not open here, and how it is flown. */
   refusal(number) {
-    const { why, command } = this.run;
-    return `${this.letter && !this.page.isFleet ? `${this.letter}: case` : "Case"} ${number} is not part of this page: ${why}.${command ? ` This flies it: ${command.replace("CASE", number)}` : ""}`;
+    const { why, command } = this.run, { fleets } = this.page;
+    return `${fleets.length > 1 ? `${LETTERS[this.fleet.index]}: case` : "Case"} ${number} is not part of this page: ${why}.${command ? ` This flies it: ${command.replace("CASE", number)}` : ""}`;
   }
 
   /** Take a flight; `lead` is the side whose time counts, this one or another, which `onSample` hears of. */
@@ -124,7 +129,7 @@ class Side {
     this.part("which").textContent = title;
     const points = flight.points.length ? `${this.counts[end]} of ${flight.points.length} points` : "";
     const isSpent = Number.isFinite(flight.spent(end));
-    this.part("outcome").textContent = [isSpent ? `${flight.spent(end).toFixed(3)} m/s` : "", points, flight.seenBy ? `${flight.seenBy.split(this.letter).length - 1} seen first` : "", `${Math.min(...far).toFixed(1)} to ${Math.max(...far).toFixed(1)} m`, outcome].filter(Boolean).join(" · ");
+    this.part("outcome").textContent = [isSpent ? `${flight.spent(end).toFixed(3)} m/s` : "", points, flight.seenBy ? `${flight.seenBy.filter(by => by === this.letter).length} seen first` : "", `${Math.min(...far).toFixed(1)} to ${Math.max(...far).toFixed(1)} m`, outcome].filter(Boolean).join(" · ");
     const all = value => Array.from({ length: numSamples }, (_, k) => value(k));
     this.panels = [
       timePlot(this.part("distance"), "Distance from the chief", { lines, limits: flight.limits, unit: "m", decimals: 1, flight, after: free.length ? AFTER_S / 60 : 0, fileName: name("distance"), highest: extents.distance }, to),

@@ -16,9 +16,10 @@ from benchmarks.scaling import words_of
 from fis_tools.model.thrust import REASONS
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
+from pipeline.flight.control.controller import PlanningController
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.player import flown
-from pipeline.player.arguments import LIT, PLAIN
+from pipeline.player.arguments import MODULES, PLAIN
 from pipeline.player.build import FOLDER, functions
 from pipeline.player.flown import FlownCases, flown_in_page, looks_ahead, tells_reasons
 from pipeline.player.memory import Memory, leaves_of, types_of
@@ -28,10 +29,12 @@ from pipeline.report.case_measures import MEASURES
 from pipeline.report.played import carried_of, player_of_starts
 from pipeline.report.scene import recorded_table
 from pipeline.scenarios import evaluation_scenarios
+from pipeline.settings.experiment import Mission, SettingError
 from pipeline.settings.places import conf_folder
 from plain_files.document.html import policy
 from tests import night
 from tests.browser import serious_violations
+from tests.places import PROJECT
 
 pytestmark = pytest.mark.slow
 
@@ -47,12 +50,18 @@ FLOWN = (
 )
 #: light other than the paper's
 ELEVATED = "sun.elevation_range_deg=[-30,30]"
-#: cases of controllers that look ahead, each of which takes long to choose
+#: cases of controllers that look ahead or plan, each of which takes long to choose
 NUM_AHEAD = 4
-#: what the shipped worlds and champions do not ask of the modules: plans, errors, clusters, turning chiefs
+EXPORTS = PROJECT / "tests" / "pipeline" / "controllers" / "exports"
+#: what shipped controllers do not ask of the modules: policies, errors, clusters, turning chiefs
 OTHERS = (
-    ("lqr", "sun=random"),
-    ("receding_horizon", "sun=random"),
+    ("champion_27", "navigation=fixes", "actuators=real"),
+    ("champion_27_rehearsed", "navigation=fixes"),
+    ("champion_27", "navigation=range_bearing", "actuators=real", "safety=robust"),
+    ("champion_27", "guidance=clusters"),
+    ("champion_27", "attitude=flown"),
+    ("champion_27", "dynamics=two_body", "sun=random"),
+    ("policy", f"controller.path={EXPORTS / 'sb3_ppo.onnx'}", "world=afrl"),
     ("champion_27", "navigation=fixes", "sun=random", ELEVATED),
     ("champion_27", "guidance=clusters", "actuators=real", "sun=random", ELEVATED),
     ("champion_27", "chief.initial_angular_velocity_rad_s=[0,0,0.002]", "sun=random"),
@@ -82,16 +91,32 @@ LOG = """async row => {
 }""".replace("TEXT", TEXT)
 
 
+def shipped(group):
+    return sorted(path.stem for path in (conf_folder() / group).glob("*.yaml"))
+
+
+def docks(name):
+    """Return whether a controller is for docking: it is compared in that alone, or flies no inspection."""
+    docking, inspecting = (
+        compose_experiment([f"+experiment={name}"]).experiment.compare.controllers
+        for name in ("compare_docking", "baselines")
+    )
+    if name in set(docking) - set(inspecting):
+        return True
+    try:
+        source.named(name, Mission())
+    except SettingError:
+        return True
+    return False
+
+
 def worlds():
-    """Each champion in its world, and each shipped world that has none with one of the paper's world."""
-    champions = sorted(path.stem for path in (conf_folder() / "controller").glob("champion*.yaml"))
-    flown = [words_of(name) for name in champions if "docking" not in name]
-    named = {word for words in flown for word in words}
-    names = sorted(path.stem for path in (conf_folder() / "world").glob("*.yaml"))
-    return [
-        *((words[0].partition("=")[2], *words[1:]) for words in flown),
-        *(("champion_27", f"world={name}") for name in names if f"world={name}" not in named),
-    ]
+    """Each controller in its world, and in all other worlds and problems one of the paper's world."""
+    names = [name for name in shipped("controller") if name not in source.WITH_PATHS]
+    flown = [(name, *(["problem=docking"] if docks(name) else words_of(name)[1:])) for name in names]
+    chosen = {word for words in flown for word in words}
+    others = [f"{group}={name}" for group in ("world", "problem") for name in shipped(group)]
+    return [*flown, *(("champion_27", word) for word in others if word not in chosen)]
 
 
 @cache
@@ -108,8 +133,9 @@ def run_of(*words):
             *others,
         ]
     ).experiment
-    controller = source.named(name, job.mission)
-    starts = evaluation_scenarios(job)[: NUM_AHEAD if looks_ahead(controller) else NUM_CASES]
+    controller = source.load(job.controller, job.mission)
+    chooses = looks_ahead(controller) or isinstance(controller, PlanningController)
+    starts = evaluation_scenarios(job)[: NUM_AHEAD if chooses else NUM_CASES]
     return job.mission, controller, starts, [fly_logged(job.mission, controller, start) for start in starts]
 
 
@@ -185,7 +211,7 @@ def test_a_page_flies_fresh_cases_to_the_products_bits(ready, words):
 MISSIONS = night.by_day([*worlds(), *OTHERS, *COURSES], 6)
 
 
-@pytest.mark.parametrize("words", MISSIONS, ids="-".join)
+@pytest.mark.parametrize("words", MISSIONS, ids=lambda words: "-".join(words).replace(f"{PROJECT}/", ""))
 def test_every_mission_of_the_shipped_worlds_flies_in_a_page(ready, monkeypatch, words):
     # pages carry fewer of the cases that have much of their own
     monkeypatch.setattr(flown, "MOST_AHEAD", NUM_CASES)
@@ -354,14 +380,14 @@ def test_a_module_refuses_a_snapshot_of_other_types(ready, words):
     assert "is of other types than its snapshot" in message
 
 
-@pytest.mark.parametrize(("name", "most"), [(PLAIN, 200_000), (LIT, 230_000)])
-def test_the_modules_are_of_the_types_that_the_product_has(name, most):
+@pytest.mark.parametrize("name", MODULES)
+def test_the_modules_are_of_the_types_that_the_product_has(name):
     types = {function: types_of(arguments.leaves(Memory())) for function, _, arguments in functions(name)}
     assert json.loads((FOLDER / "types.json").read_text(encoding="utf-8"))[name] == types
-    assert len(flown.module(name)) < most
+    assert len(flown.module(name)) < (200_000 if name == PLAIN else 230_000)
 
 
-@pytest.mark.parametrize("name", [PLAIN, LIT])
+@pytest.mark.parametrize("name", MODULES)
 def test_the_types_that_snapshots_tell_are_numbas(name):
     for _, _, arguments in functions(name):
         leaves = [leaf for leaf in arguments.leaves(Memory()) if ":" not in leaf.name]

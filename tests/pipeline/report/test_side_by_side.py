@@ -71,7 +71,8 @@ def test_the_section_tells_the_rows(folder):
     assert "90 % Wilson intervals" in section
     # where lines may break is no part of the words
     section = re.sub(r"</?span[^>]*>", "", section).replace("\u00a0", " ")
-    for _, lines in comparisons.tables_of(comparisons.read_comparison(folder)):
+    for _, headings, lines in comparisons.tables_of(comparisons.read_comparison(folder)):
+        assert all(f">{heading}</th>" in section for heading in headings)
         assert [line[0] for line in lines] == ["the paper*", "coast", "lqr"]
         for line in lines:
             assert f'<th scope="row">{line[0]}</th>' in section
