@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
-from pipeline.evaluation.proposal import Proposal
+from pipeline.evaluation.mixture import KernelMixture
 
 #: each move's scale is drawn between this and the double: what is smooth, and what is rough, both mix
 LEAST_SCALE: Final = 0.125
@@ -49,12 +49,12 @@ class Population:
     size : int
     seed : tuple of int
         Of its random numbers; the last tells populations apart.
-    proposal : Proposal, optional
+    proposal : KernelMixture, optional
         What its first genes are drawn by, unless they are uniform.
     """
 
     def __init__(
-        self, law: CaseLaw, size: int, seed: tuple[int, ...], proposal: Proposal | None = None
+        self, law: CaseLaw, size: int, seed: tuple[int, ...], proposal: KernelMixture | None = None
     ) -> None:
         self._law, self._size, self._proposal = law, size, proposal
         self._generator = np.random.default_rng(np.random.SeedSequence(seed[0], spawn_key=seed[1:]))

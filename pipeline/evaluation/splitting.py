@@ -7,7 +7,7 @@ Engineering Mechanics 16, 2001). Scouts find levels, and how far cases are moved
 crowd where it found no way on.
 
 From what all scouts saw below each level a law is made by which cases are drawn there more often
-(`pipeline.evaluation.proposal`), and from what these show a better one: importance sampling. By the last,
+(`pipeline.evaluation.mixture`), and from what these show a better one: importance sampling. By the last,
 several populations draw their cases, each with the weight that makes up for it, and pass by chains what
 levels are left: none, if the genes decide on the event, and most, if the numbers do.
 
@@ -27,8 +27,8 @@ from typing import Any, Final
 import numpy as np
 
 from pipeline.array_types import Floats
+from pipeline.evaluation.mixture import UNIFORM, KernelMixture, Kernels, fitted
 from pipeline.evaluation.population import CaseLaw, Population
-from pipeline.evaluation.proposal import UNIFORM, Kernels, Proposal, fitted
 from pipeline.evaluation.statistics import students_half_width
 from pipeline.run.engine import HERE, TaskPool
 
@@ -161,16 +161,16 @@ class _Course:
 
     Parameters
     ----------
-    proposal : Proposal
+    proposal : KernelMixture
     begin : int
         The level, by its place, that is passed by weights.
     """
 
-    proposal: Proposal
+    proposal: KernelMixture
     begin: int
 
 
-def _mixture(groups: Sequence[Kernels | None], deepest: int, law: CaseLaw) -> Proposal:
+def _mixture(groups: Sequence[Kernels | None], deepest: int, law: CaseLaw) -> KernelMixture:
     """Return a proposal of kernels about cases below each level up to the deepest, which has the most."""
     levels = [level for level in range(deepest + 1) if groups[level] is not None]
     shares = {
@@ -178,7 +178,7 @@ def _mixture(groups: Sequence[Kernels | None], deepest: int, law: CaseLaw) -> Pr
     }
     scale = (1.0 - UNIFORM) / sum(shares.values()) if shares else 0.0
     kernels = [group for level in levels if (group := groups[level]) is not None]
-    return Proposal(kernels, [scale * shares[level] for level in levels], law.is_periodic)
+    return KernelMixture(kernels, [scale * shares[level] for level in levels], law.is_periodic)
 
 
 def _course(law: CaseLaw, plan: Plan, scouts: Sequence[Scouted], size: int, seed: tuple[int, ...]) -> _Course:

@@ -54,7 +54,7 @@ class Kernels:
 
 
 @dataclass(frozen=True)
-class Proposal:
+class KernelMixture:
     """A mixture of kernels and the uniform law of genes.
 
     Parameters
