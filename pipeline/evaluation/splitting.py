@@ -37,7 +37,7 @@ PASSED: Final = 0.1
 #: levels beyond which an event is given up: it is rarer than 1e-9, or cannot be approached
 MOST_LEVELS: Final = 10
 #: scouts, of all flights the share of the cases of each, and how many there are at least
-SCOUTS, SCOUTED, LEAST_SCOUTED = 4, 0.01, 200
+SCOUTS, SCOUTED, LEAST_SCOUTED = 4, 0.01, 50
 #: how often the law that cases are drawn by is made anew, and the share of all flights each time
 REVISIONS, REVISED = 2, 0.15
 #: of the draws by it that are not uniform, the share about the deepest level that so many of them reach

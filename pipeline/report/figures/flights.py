@@ -300,7 +300,7 @@ def approach(tracks: NDArray[np.float32], problem: Problem) -> Figure:
     ax.axvline(problem.goal_radius_m, color=style.INK, linestyle=style.DOTS, label="goal")
     ax.set(xlabel="distance from the chief (m)", ylabel="speed (m/s)", xscale="log", ylim=(0.0, None))
     ax.xaxis.set_major_formatter("{x:g}")
-    ax.legend(loc="upper left")
+    ax.legend(loc="upper center")
     return figure
 
 
