@@ -12,6 +12,9 @@ export function reasonsOf({ texts: all, reasons }, k, force) {
   return rows.length ? rows : [{ text: "No push.", detail: texts.find((text, axis) => texts.indexOf(text) !== axis) ?? texts[0] }];
 }
 
+/** Why the strongest push of a sample came: what is said once of several stands at the last of them. */
+export const whyOf = rows => rows.find(({ detail }) => detail)?.detail ?? "";
+
 /** Turn a vector by a quaternion, scalar last, of a change of axes; `sign` -1 turns it back. */
 function turned([x, y, z, w], vector, sign) {
   const axis = [x, y, z].map(part => -sign * part), side = cross(axis, vector).map(part => 2 * part);
@@ -42,6 +45,7 @@ export function recordedFlight(table) {
   const numSamples = arrays.spent.length, last = numSamples - 2;
   const force = k => three(arrays.force, k).map(part => (Math.abs(part) < ROUNDED_N ? 0 : part));
   const held = Array.from({ length: table.numPoints }, (_, j) => three(arrays.points, j));
+  const reasons = k => (k > last ? ENDED : reasonsOf(table, k, force(k)));
   return {
     numSamples, periodS: table.periodS, radius: table.radius, limits: table.limits, isSphere: table.isSphere, points: held,
     pointsAt: arrays.attitude.length ? k => turnedPoints(held, arrays.attitude, k) : null,
@@ -59,6 +63,7 @@ export function recordedFlight(table) {
       if (!arrays.coast.length) return null;
       return coasted(arrays.coast, [...three(arrays.position, k), ...three(arrays.velocity, k)]);
     },
-    reasons: k => (k > last ? ENDED : reasonsOf(table, k, force(k))),
+    why: k => whyOf(reasons(k)),
+    reasons,
   };
 }

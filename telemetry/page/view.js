@@ -8,6 +8,7 @@ export const plus = (a, b) => a.map((x, i) => x + b[i]);
 export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const unit = a => scaled(a, 1 / (norm(a) || 1));
 const COLOURS = ["ink", "muted", "grid", "paper", "seen", "lit", "dark", "push", "body", "shade"];
+const EYE_M = 700, NEAREST = 0.9; // how far the eye is from the chief, and of that how near to it a path is drawn
 const SPEED = 18; // samples a second
 
 /**
@@ -177,15 +178,27 @@ export class FlightView {
   }
 
   on(point) {
-    const depth = dot(point, this.basis.eye), nearer = 700 / (700 - depth);
+    const depth = dot(point, this.basis.eye), nearer = EYE_M / (EYE_M - depth);
     return [this.middle[0] + this.scale * nearer * dot(point, this.basis.right),
       this.middle[1] - this.scale * nearer * dot(point, this.basis.up), depth];
+  }
+
+  /** Whether nothing between two points is in the picture: free motion leads kilometres away, where dashes take long, and behind the eye. */
+  isOutside(a, b) {
+    const [width, height] = this.size;
+    return Math.max(a[2], b[2]) > NEAREST * EYE_M || Math.max(a[0], b[0]) < 0 || Math.min(a[0], b[0]) > width || Math.max(a[1], b[1]) < 0 || Math.min(a[1], b[1]) > height;
   }
 
   line(points, colour, width, dash = []) {
     const { pen } = this;
     pen.beginPath();
-    points.forEach((point, index) => { const [x, y] = this.on(point); index ? pen.lineTo(x, y) : pen.moveTo(x, y); });
+    let before = null, isJoined = false;
+    for (const point of points) {
+      const now = this.on(point), isDrawn = before && !this.isOutside(before, now);
+      if (isDrawn && !isJoined) pen.moveTo(before[0], before[1]);
+      if (isDrawn) pen.lineTo(now[0], now[1]);
+      [before, isJoined] = [now, isDrawn];
+    }
     pen.strokeStyle = colour; pen.lineWidth = width; pen.lineJoin = "round";
     pen.setLineDash(dash); pen.stroke(); pen.setLineDash([]);
   }

@@ -80,14 +80,18 @@ function cutTerms(system, output, firing) {
   return cuts;
 }
 
+/** What the aggregation of a variable works in, which is made once: shares infer thousands of times. */
+const rooms = new WeakMap();
+
 /** The highest of the cut terms, at the universe's points and at the crossings: [points, heights]. */
 function aggregate({ universe, terms, runs }, cuts) {
   const concluded = terms.map((_, term) => term).filter((term) => !Number.isNaN(cuts[term]));
   const memberships = concluded.map((term) => terms[term].values);
-  const [heights, crossings, x, y] = Array.from({ length: 4 }, () => new Float64Array(universe.length + runs.length));
+  if (!rooms.has(universe)) rooms.set(universe, Array.from({ length: 4 }, () => new Float64Array(universe.length + runs.length)));
+  const [heights, crossings, x, y] = rooms.get(universe);
   const held = concluded.map((term) => cuts[term]);
   const count = TRANSCRIBED.aggregate(universe, memberships, runs, held, heights, crossings, x, y);
-  return [x.subarray(0, count), y.subarray(0, count)];
+  return [x.slice(0, count), y.slice(0, count)];
 }
 
 /** Whether the terms of an output are cut, and the highest of them counts. */

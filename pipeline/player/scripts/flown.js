@@ -56,6 +56,7 @@ function flownFlight(shared, log, reasons, last = shared.numSamples - 1) {
     inputs: (k, system, count) => log.inputs.subarray((k * shared.numSystems + system) * width).slice(0, count),
     coast: k => (shared.freeMotion.length ? coasted(shared.freeMotion, [...three(log.position, k), ...three(log.velocity, k)]) : null),
     reason: (k, axis) => reasonAt(flight, k, axis),
+    why: k => (table ? whyOf(flight.reasons(k)) : shared.pushed(flight, k, pushedAxes(flight.force(k))[0])),
     reasons: k => (table ? (k < last ? reasonsOf(table, k, flight.force(k)) : ENDED) : told(flight, k, shared.words, (decided, axis) => shared.pushed(flight, decided, axis))),
   };
   return flight;

@@ -24,6 +24,9 @@ export function reasonAt(flight, k, axis) {
 
 const capital = text => text[0].toUpperCase() + text.slice(1);
 
+/** The axes along which a force pushes, the strongest push first. */
+export const pushedAxes = force => [0, 1, 2].filter(axis => force[axis]).sort((a, b) => Math.abs(force[b]) - Math.abs(force[a]));
+
 /**
  * What the deputy does at a sample, as a list of {text, detail}; `pushed(k, axis)` says why a push came.
  *
@@ -32,8 +35,7 @@ const capital = text => text[0].toUpperCase() + text.slice(1);
 export function told(flight, k, words, pushed) {
   if (k >= flight.numSamples - 1) return ENDED;
   const decision = k - k % flight.stride, force = flight.force(decision), at = clockWords(decision * flight.periodS);
-  const axes = [0, 1, 2].filter(axis => force[axis]).sort((a, b) => Math.abs(force[b]) - Math.abs(force[a]));
-  const rows = axes.map(axis => ({ text: pushText(axis, force[axis]), detail: pushed(decision, axis), axis }));
+  const rows = pushedAxes(force).map(axis => ({ text: pushText(axis, force[axis]), detail: pushed(decision, axis), axis }));
   rows.forEach((row, place) => { if (row.detail === rows[place + 1]?.detail) row.detail = ""; });
   if (!rows.length) {
     const reason = [0, 1, 2].map(axis => flight.reason(decision, axis)).sort((a, b) => (a === "silent") - (b === "silent"))[0];

@@ -23,6 +23,21 @@ ENDED = """async number => {
     return player.sides.map(({ run, flight }) =>
         [run.name, flight.spent(flight.numSamples - 1), (flight.numSamples - 1) * flight.periodS]);
 }"""
+#: of what is painted, how many lengths of the picture the farthest end of a line lies outside
+OUTSIDE = """() => {
+    const { view } = player.lead, { pen } = view, [width, height] = view.size, ends = [];
+    pen.lineTo = (x, y) => { ends.push(Math.abs(x) / width, Math.abs(y) / height); };
+    view.paint();
+    delete pen.lineTo;
+    return Math.max(...ends);
+}"""
+#: of all pushes of the first run's flight, those whose reason is not the strongest one's
+MISNAMED = """() => {
+    const { flight } = player.sides[0], steps = Array.from({ length: flight.numSamples - 1 }, (_, k) => k);
+    const pushes = steps.filter(k => k % flight.stride === 0 && flight.force(k).some(Boolean));
+    const named = k => flight.reasons(k).map(({ detail }) => detail).find(Boolean);
+    return [pushes.length, pushes.filter(k => named(k) !== flight.why(k))];
+}"""
 CONTROLLERS = "compare.controllers=[champion_27,lqr]"
 
 
@@ -103,6 +118,11 @@ def test_flights_to_a_goal_fly_up_to_where_they_end(opened, axe, tmp_path, schem
             assert spent == pytest.approx(flights["delta_v_m_s"][row], rel=1e-6)  # of tracks, in 32 bits
             assert end_s == flights["end_s"][row]
             ends.add(end_s)
+        # free motion leads kilometres away
+        assert page.evaluate(OUTSIDE) < 3
+        num_pushes, misnamed = page.evaluate(MISNAMED)
+        assert num_pushes > 100
+        assert misnamed == []
     assert min(ends) < max(ends) == experiment.mission.duration_s
     assert not page.locator("#player .key").first.is_visible()  # there are no points
     assert serious_violations(page, axe) == []
