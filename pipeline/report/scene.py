@@ -15,9 +15,10 @@ from pipeline.flight.goals.reach import until_end
 from pipeline.flight.state.log import REHEARSED, FlightLog
 from pipeline.flight.world.pack import pack_world
 from pipeline.recording.events import chosen_ahead
-from pipeline.recording.firing import delay_of, is_fired
+from pipeline.recording.firing import IN_EFFECT, delay_of, is_fired
 from pipeline.recording.points import lit_and_seen
 from pipeline.settings.experiment import Mission
+from telemetry.page import recorded
 
 #: what was asked for along these axes is what was fired there
 HILL = "hill"
@@ -78,8 +79,6 @@ def _reasons(mission: Mission, log: FlightLog, controller: Controller) -> tuple[
     delay = delay_of(mission)
     words = list(REASONS.values())
     texts = [text[:1].upper() + text[1:] + "." for text in words]
-    if controller.systems and controller.force_axes != HILL:
-        texts[words.index(REASONS["fired"])] = "Rules ask along the deputy's axes."
     indices = np.array(log.reason)
     made = _pushing_rules(log, controller, delay)
     for event in chosen_ahead(mission, log, controller):
@@ -91,26 +90,33 @@ def _reasons(mission: Mission, log: FlightLog, controller: Controller) -> tuple[
         if text not in texts:
             texts.append(text)
         indices[k, axis] = texts.index(text)
+    if controller.systems and controller.force_axes != HILL:
+        leading = recorded.leading_axes(log.force_asked_n, np.isin(log.reason, IN_EFFECT))
+        indices[:] = np.take_along_axis(indices, leading[:, np.newaxis], axis=1)
     return texts, indices.tolist()
 
 
 def _pushing_rules(log: FlightLog, controller: Controller, delay: int) -> dict[tuple[int, int], str]:
-    """Return the rule with the largest share in each push that was fired as inferred, by period and axis."""
-    if controller.force_axes != HILL:
-        return {}
+    """Return the rule with the largest share in each push that was fired as inferred, by period and axis.
+
+    The axes are those of the controller's forces.
+    """
+    along = "" if controller.force_axes == HILL else recorded.ALONG_DEPUTY
     rules: dict[tuple[int, int], str] = {}
     for index, system in enumerate(controller.systems):
         axis = COMPONENTS.index(system.outputs[0].name)
         samples = np.flatnonzero(log.is_decided)
-        samples = samples[is_fired(log, samples, axis, HILL, delay)]
-        samples = samples[log.force_hill_n[samples + delay, axis] != 0.0]
+        samples = samples[is_fired(log, samples, axis, controller.force_axes, delay)]
+        # along Hill's axes what was fired, which real thrusters may turn
+        forces = log.force_asked_n[:, axis] if along else np.roll(log.force_hill_n[:, axis], -delay)
+        samples = samples[forces[samples] != 0.0]
         if not samples.size:
             continue
         inputs = log.fis_input[samples, index, : len(system.inputs)]
         shares = shapley.shares(compile(system), inputs).values[:, :, 0]
-        signs = np.sign(log.force_hill_n[samples + delay, axis])[:, np.newaxis]
+        signs = np.sign(forces[samples])[:, np.newaxis]
         for k, rule in zip(samples, np.argmax(shares * signs, axis=1), strict=True):
-            rules[int(k) + delay, axis] = f"{sentence(system.rules[rule])}."
+            rules[int(k) + delay, axis] = f"{along}{sentence(system.rules[rule])}."
     return rules
 
 

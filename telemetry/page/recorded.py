@@ -28,6 +28,8 @@ OF_FLEET = (
 )
 #: of forces along the deputy's axes
 BODY = "body"
+#: before their reasons
+ALONG_DEPUTY = "Along the deputy's axes: "
 UNKNOWN = "The recording does not say why."
 
 
@@ -210,8 +212,8 @@ def _reasons(recording: Recording, times: Floats) -> tuple[list[str], list[list[
     indices = np.zeros((len(times), 3), dtype=np.int64)
     if not control or not len(control):
         return texts, indices.tolist()
+    rows = np.clip(np.searchsorted(control.time_s, times + 1e-6, side="right") - 1, 0, None)
     if control["reason"].shape[1]:
-        rows = np.clip(np.searchsorted(control.time_s, times + 1e-6, side="right") - 1, 0, None)
         words = np.unique(control["reason"])
         known = {str(word): len(texts) + index for index, word in enumerate(words)}
         texts += [f"{str(word).replace('_', ' ').capitalize()}." for word in words]
@@ -220,17 +222,23 @@ def _reasons(recording: Recording, times: Floats) -> tuple[list[str], list[list[
         _name_rules(recording, name, times, texts, indices)
     is_body = any(recording.fis_description(name).output_axes == BODY for name in recording.fis_names)
     if is_body and control["force_asked_n"].shape[1]:
-        _along_deputy(np.abs(_at(control, "force_asked_n", times)), texts, indices)
+        are_fired = np.ones(indices.shape, dtype=np.bool_)
+        if control["reason"].shape[1]:
+            are_fired = np.isin(control["reason"][rows], topics.FIRED)
+        leading = leading_axes(_at(control, "force_asked_n", times), are_fired)
+        indices[:] = np.take_along_axis(indices, leading[:, np.newaxis], axis=1)
+        texts = [f"{ALONG_DEPUTY}{text}" if text.startswith("Rule ") else text for text in texts]
     return texts, indices.tolist()
 
 
-def _along_deputy(forces: Floats, texts: list[str], indices: np.ndarray[Any, Any]) -> None:
-    """Give all axes the reason of the largest force asked: along the deputy's, not those of the page."""
-    rows = np.arange(len(indices))
-    indices[:] = indices[rows, np.argmax(forces, axis=1)][:, np.newaxis]
-    for index, text in enumerate(texts):
-        if text.startswith("Rule "):
-            texts[index] = f"Along the deputy's axes: {text}"
+def leading_axes(forces: Floats, are_fired: Booleans) -> np.ndarray[Any, np.dtype[np.intp]]:
+    """Return of each row the axis of the largest force that was fired, or where none was of the largest.
+
+    Rules along the deputy's axes have a reason for each of these, and a page shows forces along others: the
+    leading axis's reason is that of all of them.
+    """
+    counts = are_fired | ~are_fired.any(axis=1, keepdims=True)
+    return np.argmax(np.where(counts, np.abs(forces), -1.0), axis=1)
 
 
 def _name_rules(

@@ -8,6 +8,10 @@ import pytest
 from playwright.sync_api import expect
 
 import telemetry
+from fis_tools.analysis import shapley
+from fis_tools.engines.compiler import compile
+from fis_tools.formats import serialize
+from fis_tools.model.thrust import COMPONENTS, REASONS
 from fis_tools.words.text import sentences
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
@@ -21,6 +25,7 @@ from pipeline.report.scene import recorded_table
 from pipeline.scenarios import start_shown
 from telemetry.page import recorded
 from tests.browser import serious_violations
+from tests.fis_tools.sample_controllers import SHIPPED
 
 pytestmark = pytest.mark.slow
 
@@ -29,6 +34,10 @@ FLOWN = (
     *(("champion_27",), ("champion_27_rehearsed",), ("champion_leo", "world=leo")),
     *(("champion_rso", "world=rso"), ("lqr",)),
 )
+#: shipped controllers whose rules ask along the deputy's axes, which turn with its camera
+ALONG_DEPUTY = [
+    name for name, path in SHIPPED.items() if dict(serialize.load(path).attributes)["force_axes"] == "body"
+]
 
 
 @pytest.fixture(scope="module", params=FLOWN, ids=lambda words: words[0])
@@ -94,6 +103,31 @@ def test_a_push_names_the_rule_that_recordings_give_the_largest_share(flown, tmp
         assert texts[0][int(np.abs(log.force_hill_n[0]).argmax())].lower() == f"{chosen[0].lower()}."
     assert is_first or num_named > 0 or not controller.systems
     assert is_first == (controller.name == "champion_27_rehearsed")
+
+
+@pytest.mark.parametrize("name", ALONG_DEPUTY)
+def test_a_push_along_the_deputys_axes_is_that_of_the_largest_force_asked(name):
+    job = compose_experiment(["+experiment=fly", f"controller={name}", "duration_s=900"])
+    mission = job.experiment.mission
+    controller = source.named(name, mission)
+    log = fly_logged(mission, controller, start_shown(job.experiment)[1])
+    table = recorded_table(log, controller, mission)
+    silent = f"{REASONS['silent'][:1].upper()}{REASONS['silent'][1:]}."
+    words, num_pushes = list(REASONS), 0
+    for k in np.flatnonzero(log.force_hill_n.any(axis=1)):
+        (text,) = {table["texts"][index] for index in table["reasons"][k]}
+        assert text != silent
+        fired = [axis for axis in range(3) if words[log.reason[k, axis]] == "fired"]
+        if not fired:
+            continue
+        axis = max(fired, key=lambda axis: abs(log.force_asked_n[k, axis]))
+        index = [system.outputs[0].name for system in controller.systems].index(COMPONENTS[axis])
+        system = controller.systems[index]
+        shares = shapley.shares(compile(system), log.fis_input[k : k + 1, index, : len(system.inputs)])
+        rule = np.argmax(shares.values[0, :, 0] * np.sign(log.force_asked_n[k, axis]))
+        assert text == f"Along the deputy's axes: {list(sentences(system))[rule]}."
+        num_pushes += 1
+    assert num_pushes > 0
 
 
 @pytest.mark.parametrize("width", [400, 1400])
