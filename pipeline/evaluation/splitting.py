@@ -25,10 +25,11 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
 from pipeline.evaluation.mixture import UNIFORM, KernelMixture, Kernels, fitted
-from pipeline.evaluation.population import CaseLaw, Population
+from pipeline.evaluation.population import CaseLaw, Numbers, Population
 from pipeline.evaluation.statistics import students_half_width
 from pipeline.run.engine import HERE, TaskPool
 
@@ -156,6 +157,35 @@ def scouted(law: CaseLaw, size: int, seed: tuple[int, ...]) -> Scouted:
 
 
 @dataclass(frozen=True)
+class _SharedLaw:
+    """A law whose cases are flown in parts, wherever a pool works; a part is the same by itself.
+
+    Parameters
+    ----------
+    law : CaseLaw
+    pool : TaskPool
+    """
+
+    law: CaseLaw
+    pool: TaskPool
+
+    @property
+    def is_periodic(self) -> NDArray[np.bool_]:
+        """Those of the law."""
+        return self.law.is_periodic
+
+    def margins(self, genes: Floats, numbers: Numbers) -> Floats:
+        """Return the margins of cases, (n,), of genes (n, num_genes) and numbers (n,)."""
+        parts = zip(np.array_split(genes, POPULATIONS), np.array_split(numbers, POPULATIONS), strict=True)
+        return np.concatenate(_in_order(self.pool, _margins, [(self.law, *part) for part in parts]))
+
+
+def _margins(law: CaseLaw, genes: Floats, numbers: Numbers) -> Floats:
+    """Return the margins of cases: a task."""
+    return law.margins(genes, numbers)
+
+
+@dataclass(frozen=True)
 class _Course:
     """What draws cases of a population, and where chains take over.
 
@@ -234,7 +264,7 @@ def rare_share(
     seed : tuple of int
         Of all random numbers.
     pool : TaskPool
-        Where scouts and populations pass the levels.
+        Where all cases are flown.
     on_done : callable
         Is told of how many populations are done.
     """
@@ -246,7 +276,7 @@ def rare_share(
         return RareShare(None, 0.0, None, confidence_percent, flown, scouts[0].plan.levels, ())
     plan = min(plans, key=lambda each: len(each.levels))
     size = max(10, round(REVISED * num_flights))
-    course = _course(law, plan, scouts, size, (*seed, SCOUTS))
+    course = _course(_SharedLaw(law, pool), plan, scouts, size, (*seed, SCOUTS))
     flown += REVISIONS * size
     # as many cases as at first are flown once, and all but those that pass once more below each level
     rounds = 1.0 + (1.0 - PASSED) * (len(plan.scales) - course.begin)

@@ -8,6 +8,7 @@ from scipy.stats import norm
 
 from pipeline.evaluation import splitting
 from pipeline.evaluation.splitting import rare_share, scouted
+from pipeline.run.engine import TaskPool
 
 
 class Plane:
@@ -114,3 +115,32 @@ def test_what_cannot_be_approached_is_given_up_and_what_nobody_saw_has_no_upper_
     impossible = scouted(Plane(1e-300), 200, (1, 0)).plan
     assert len(impossible.levels) == splitting.MOST_LEVELS
     assert impossible.levels[-1] > 0.0
+
+
+class Watched(Plane):
+    """A plane that counts the cases whose margins are asked for in a pool's tasks, and those elsewhere."""
+
+    def __init__(self, probability):
+        super().__init__(probability)
+        self.is_in_task, self.num_in_tasks, self.num_elsewhere = False, 0, 0
+
+    def margins(self, genes, numbers):
+        self.num_in_tasks += len(genes) * self.is_in_task
+        self.num_elsewhere += len(genes) * (not self.is_in_task)
+        return super().margins(genes, numbers)
+
+
+def test_all_cases_are_flown_where_the_pool_works():
+    law = Watched(1e-3)
+
+    class Pool(TaskPool):
+        def run(self, function, tasks):
+            for index, task in reversed(list(enumerate(tasks))):
+                law.is_in_task = True
+                result = function(*task)
+                law.is_in_task = False
+                yield index, result
+
+    rare = rare_share(law, 5_000, 95.0, (3,), Pool(None))
+    assert (law.num_in_tasks, law.num_elsewhere) == (rare.num_flights, 0)
+    assert rare == rare_share(Plane(1e-3), 5_000, 95.0, (3,))
