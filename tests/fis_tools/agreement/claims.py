@@ -3,10 +3,12 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import product
+from math import comb
 
 import numpy as np
 
 from fis_tools.analysis import arrays, shapley
+from fis_tools.analysis.arrays import FIRED
 from fis_tools.analysis.bounds import ask
 from fis_tools.array_types import Floats
 from fis_tools.engines import interval
@@ -14,13 +16,18 @@ from fis_tools.engines.compiler import compile
 from fis_tools.engines.inference import Inference, infer, infer_outputs
 from fis_tools.findings.difference import comparison
 from fis_tools.findings.explanation import flips
-from fis_tools.model import FuzzySystem
+from fis_tools.model import FuzzySystem, Rule
+from fis_tools.model.intervals import has_intervals
 from tests.fis_tools.agreement.nearness import Difference, is_near, neighbours, sizes
 
 #: What finds where a claim is not what the definition says.
 Check = Callable[[str, FuzzySystem, Floats, list[Inference]], Iterator[Difference]]
 #: of shares, which are sums of many answers
 SHARES_TOLERANCE = 1e-7
+#: players whose coalitions are few, and whose are enumerated at all, of averages and sums and of sets
+FEW_PLAYERS, MOST_AVERAGED, MOST_CUTTING = 5, 12, 7
+#: of a system so many rows with few players and with more
+NUM_SMALL, NUM_LARGE = 3, 1
 #: boxes that a question may take, and points along an axis of a surface
 NUM_BOXES, NUM_POINTS = 60, 4
 
@@ -91,6 +98,79 @@ def _lacks_a_number(step: Inference, index: int) -> bool:
         if not (np.isfinite(value) or (step.outputs[index].variable.default is None and not firing.any())):
             return True
     return False
+
+
+def shares(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]) -> Iterator[Difference]:
+    """The share of each rule is Shapley's sum over all coalitions, each inferred by the definition."""
+    if has_intervals(system):
+        return
+    given = shapley.shares(compile(system), rows)
+    left = {False: NUM_SMALL, True: NUM_LARGE}
+    for index, output in enumerate(system.outputs):
+        for row, step, values, error in zip(rows, steps, given.values, given.error, strict=True):
+            players = _players(system, step, index)
+            is_large = len(players) > FEW_PLAYERS
+            most = MOST_AVERAGED if system.weighs(output) else MOST_CUTTING
+            if not 2 <= len(players) <= most or error[index] or not left[is_large]:
+                continue
+            # where a set may jump, what rounding decides is anything between these
+            factors = (1.0,) if system.weighs(output) else (1.0, 1.0 - 1e-12, 1.0 + 1e-12)
+            found = np.array([_shapley(system, step, index, players, factor) for factor in factors])
+            if not np.isfinite(found).all():
+                continue
+            left[is_large] -= 1
+            scale = max(output.span, np.abs(found).max())
+            slack = SHARES_TOLERANCE * scale + 3.0 * np.ptp(found, axis=0)
+            if (np.abs(values[players, index] - found[0]) > slack).any():
+                yield Difference(claim, system, row, str(found[0]), str(values[players, index]))
+
+
+def _players(system: FuzzySystem, step: Inference, index: int) -> list[int]:
+    """The rules that take part in an output: those that fire clearly, at least the strongest."""
+    name, firing = system.outputs[index].name, step.firing_strengths
+    concluding = [
+        rule
+        for rule, each in enumerate(system.rules)
+        if any(consequent.variable == name and consequent.weight for consequent in each.consequents)
+    ]
+    least = min(FIRED, max(firing[concluding], default=0.0))
+    return [rule for rule in concluding if firing[rule] > 0.0 and firing[rule] >= least]
+
+
+def _shapley(system: FuzzySystem, step: Inference, index: int, players: list[int], factor: float) -> Floats:
+    """Shapley's sums, (num_players,), at strengths times a factor; NaN without numbers."""
+    output, count = system.outputs[index], len(players)
+    silent = 0.0 if output.default is None else output.default
+    firing = np.minimum(step.firing_strengths * factor, 1.0)
+    worth = np.empty(2**count)
+    for coalition in range(2**count):
+        absent = {rule for at, rule in enumerate(players) if not coalition >> at & 1}
+        part = replace(
+            system,
+            rules=tuple(
+                _quiet(each, output.name) if rule in absent else each
+                for rule, each in enumerate(system.rules)
+            ),
+        )
+        inferred = infer_outputs(part, firing, step.clipped)[index]
+        # a formula without a value is no silence
+        is_silent = output.default is None and inferred.is_default
+        worth[coalition] = silent if coalition == 0 or is_silent else inferred.value
+    sizes_of = np.array([coalition.bit_count() for coalition in range(2**count)])
+    found = np.empty(count)
+    for at in range(count):
+        without = np.flatnonzero(~(np.arange(2**count) >> at) & 1)
+        weights = 1.0 / (count * np.array([comb(count - 1, size) for size in sizes_of[without]]))
+        found[at] = weights @ (worth[without | 1 << at] - worth[without])
+    return found
+
+
+def _quiet(rule: Rule, output: str) -> Rule:
+    """A rule that concludes nothing on an output."""
+    consequents = (
+        replace(each, weight=0.0) if each.variable == output else each for each in rule.consequents
+    )
+    return replace(rule, consequents=tuple(consequents))
 
 
 def crossing(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]) -> Iterator[Difference]:
@@ -178,6 +258,6 @@ def diff(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]) 
 
 
 CLAIMS: dict[str, Check] = {
-    **{"bounds": bounds, "no": no, "explain": explain, "crossing": crossing},
+    **{"bounds": bounds, "no": no, "explain": explain, "shares": shares, "crossing": crossing},
     **{"surface": surface, "diff": diff},
 }

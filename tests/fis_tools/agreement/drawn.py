@@ -36,6 +36,8 @@ BY_KINDS = tuple(
     if not issubclass(kind, Number | shapes.Between | shapes.Sampled | shapes.Polyline)
 )
 MONOTONE = tuple(kind for kind in BY_KINDS if issubclass(kind, MonotoneFunction))
+#: of which so many fire at some inputs as are not enumerated
+MANY_RULES = 12, 24
 _Choice = TypeVar("_Choice")
 
 
@@ -72,7 +74,11 @@ def _system(generator: np.random.Generator, name: str) -> FuzzySystem:
             names = [variable.name for variable in (*inputs, *outputs)]
             plain = _with_numbers(generator, plain, names, len(inputs), has_intervals)
         outputs.append(_output(generator, plain, semantics, defuzzifiers))
-    rules = tuple(_rule(generator, inputs, outputs) for _ in range(int(generator.integers(1, 6))))
+    num_rules = int(generator.integers(1, 6))
+    # shares in an average of many rules are computed in a way of their own
+    if is_weighed and generator.random() < 0.15:
+        num_rules = int(generator.integers(*MANY_RULES))
+    rules = tuple(_rule(generator, inputs, outputs) for _ in range(num_rules))
     is_min = generator.random() < 0.5
     return FuzzySystem(
         name,

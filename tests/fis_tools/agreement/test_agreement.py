@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fis_tools.analysis import weighted_shares
 from fis_tools.analysis.bounds import Answer
 from fis_tools.engines.compiler import compile
 from fis_tools.formats import serialize
@@ -106,6 +107,35 @@ def test_shares_that_do_not_add_up_are_found(tmp_path, monkeypatch):
 
     monkeypatch.setattr(claims.shapley, "shares", fewer)
     assert compared.differences(cases(6), tmp_path, ("explain",))
+
+
+def test_shares_that_are_those_of_other_rules_are_found(tmp_path, monkeypatch):
+    of_rules = claims.shapley.shares
+
+    def exchanged(compiled, rows):
+        result = of_rules(compiled, rows)
+        return result._replace(values=result.values[:, ::-1])
+
+    monkeypatch.setattr(claims.shapley, "shares", exchanged)
+    made = cases(12)
+    assert not compared.differences(made, tmp_path, ("explain",))
+    assert compared.differences(made, tmp_path, ("shares",))
+
+
+def test_shares_in_averages_of_many_rules_are_enumerated(tmp_path, monkeypatch):
+    """More rules than those of which the product itself enumerates the coalitions."""
+    counts, of_averages = [], weighted_shares._of_averages
+
+    def counted(weights, *others):
+        counts.append(weights.shape[1])
+        return of_averages(weights, *others)
+
+    monkeypatch.setattr(weighted_shares, "_of_averages", counted)
+    large = [
+        (s, rows) for s, rows in cases(400) if len(s.rules) >= drawn.MANY_RULES[0] and s.weighs(s.outputs[0])
+    ]
+    assert compared.differences(large, tmp_path, ("shares",)) == []
+    assert any(weighted_shares.MOST_ENUMERATED < count <= claims.MOST_AVERAGED for count in counts)
 
 
 def test_a_no_to_what_is_attained_is_found(tmp_path, monkeypatch):
