@@ -2,9 +2,9 @@
 
 Random systems from the registries, at inputs that look for trouble. The plain definition is compared with
 compiled inference, on arrays and one by one, with C, and with a review page's scripts; each bound must hold
-what is attained in its box, shares must add up, and what is said to flip an output must. What differs is
-shrunk, and kept as a controller with the inputs in its name. The minutes are of processor time, that of
-compilers and other programs included, so that a busy machine compares as much.
+what is attained in its box, shares must be those of all coalitions, and what is said to flip an output must.
+What differs is shrunk, and kept as a controller with the inputs in its name. The minutes are of processor
+time, that of compilers and other programs included, so that a busy machine compares as much.
 
 With ``--programs`` files of random systems are also given to Octave and pyfuzzylite, and to jFuzzyLogic with
 ``--jfuzzylogic CLASSPATH``; their answers must be those that we read these files to mean.

@@ -50,7 +50,7 @@ COMPARED: Mapping[str, Sequence[str]] = {
     "compiled": ("one by one", "arrays", "bounds"),
     "kernel": ("arrays",),
     "bounds": ("bounds", "no"),
-    "shares": ("explain", "shares"),
+    "shares": ("explain", "shares", "contributions"),
 }
 #: by the clock, even of a busy machine
 MOST_S = 1800

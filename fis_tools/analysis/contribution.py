@@ -67,7 +67,10 @@ def _can_matter(compiled: CompiledSystem, firing: Floats) -> Booleans:
             for first, last in zip(conclusion.bounds[:-1], conclusion.bounds[1:], strict=True):
                 rules, heights = conclusion.rules[first:last], cuts[:, first:last]
                 is_highest = heights == heights.max(axis=1, keepdims=True)
-                matters[:, rules] |= is_highest if output.accumulation == "max" else heights > 0.0
+                counts = is_highest if output.accumulation == "max" else heights > 0.0
+                # a rule may conclude a term several times, with different weights
+                for column, rule in enumerate(rules):
+                    matters[:, rule] |= counts[:, column]
     return matters & (firing > 0.0)
 
 

@@ -7,7 +7,7 @@ from math import comb
 
 import numpy as np
 
-from fis_tools.analysis import arrays, shapley
+from fis_tools.analysis import arrays, contribution, shapley
 from fis_tools.analysis.arrays import FIRED
 from fis_tools.analysis.bounds import ask
 from fis_tools.array_types import Floats
@@ -24,6 +24,10 @@ from tests.fis_tools.agreement.nearness import Difference, is_near, neighbours, 
 Check = Callable[[str, FuzzySystem, Floats, list[Inference]], Iterator[Difference]]
 #: of shares, which are sums of many answers
 SHARES_TOLERANCE = 1e-7
+#: of strengths: where a set may jump, what rounding decides is anything between what these lead to
+FACTORS = (1.0, 1.0 - 1e-12, 1.0 + 1e-12)
+#: rows of which each rule is silenced, and how strongly a rule fires that surely does
+NUM_SILENCED, LEAST_FIRING = 6, 1e-9
 #: players whose coalitions are few, and whose are enumerated at all, of averages and sums and of sets
 FEW_PLAYERS, MOST_AVERAGED, MOST_CUTTING = 5, 12, 7
 #: of a system so many rows with few players and with more
@@ -113,8 +117,7 @@ def shares(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]
             most = MOST_AVERAGED if system.weighs(output) else MOST_CUTTING
             if not 2 <= len(players) <= most or error[index] or not left[is_large]:
                 continue
-            # where a set may jump, what rounding decides is anything between these
-            factors = (1.0,) if system.weighs(output) else (1.0, 1.0 - 1e-12, 1.0 + 1e-12)
+            factors = FACTORS[:1] if system.weighs(output) else FACTORS
             found = np.array([_shapley(system, step, index, players, factor) for factor in factors])
             if not np.isfinite(found).all():
                 continue
@@ -123,6 +126,36 @@ def shares(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]
             slack = SHARES_TOLERANCE * scale + 3.0 * np.ptp(found, axis=0)
             if (np.abs(values[players, index] - found[0]) > slack).any():
                 yield Difference(claim, system, row, str(found[0]), str(values[players, index]))
+
+
+def contributions(
+    claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]
+) -> Iterator[Difference]:
+    """The contribution of a rule is the output less the one that the definition infers without it."""
+    if has_intervals(system):
+        return
+    given = contribution.contributions(compile(system), rows)
+    for row, step, values in zip(rows[:NUM_SILENCED], steps, given, strict=False):
+        firing = step.firing_strengths
+        if ((firing > 0.0) & (firing < LEAST_FIRING)).any():
+            continue  # rounding decides whether such a rule fires at all
+        found = np.array([_without_each(step, factor) for factor in FACTORS])
+        spans = np.array([variable.span for variable in system.outputs])
+        slack = SHARES_TOLERANCE * np.maximum(spans, np.abs(found[0])) + 3.0 * np.ptp(found, axis=0)
+        is_known = np.isfinite(found).all(axis=0)
+        if (is_known & ~(np.abs(values - found[0]) <= slack)).any():
+            yield Difference(claim, system, row, str(found[0].tolist()), str(values.tolist()))
+
+
+def _without_each(step: Inference, factor: float) -> Floats:
+    """What each rule adds to each output, (num_rules, num_outputs), at strengths times a factor."""
+    firing = np.minimum(step.firing_strengths * factor, 1.0)
+
+    def outputs(strengths: Floats) -> Floats:
+        return np.array([each.value for each in infer_outputs(step.system, strengths, step.clipped)])
+
+    silent = [np.where(np.arange(len(firing)) == rule, 0.0, firing) for rule in range(len(firing))]
+    return outputs(firing) - np.array([outputs(strengths) for strengths in silent])
 
 
 def _players(system: FuzzySystem, step: Inference, index: int) -> list[int]:
@@ -258,6 +291,6 @@ def diff(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]) 
 
 
 CLAIMS: dict[str, Check] = {
-    **{"bounds": bounds, "no": no, "explain": explain, "shares": shares, "crossing": crossing},
-    **{"surface": surface, "diff": diff},
+    **{"bounds": bounds, "no": no, "explain": explain, "shares": shares},
+    **{"contributions": contributions, "crossing": crossing, "surface": surface, "diff": diff},
 }

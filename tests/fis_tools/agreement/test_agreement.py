@@ -122,6 +122,14 @@ def test_shares_that_are_those_of_other_rules_are_found(tmp_path, monkeypatch):
     assert compared.differences(made, tmp_path, ("shares",))
 
 
+def test_a_contribution_that_is_another_rules_is_found(tmp_path, monkeypatch):
+    of_rules = claims.contribution.contributions
+    monkeypatch.setattr(
+        claims.contribution, "contributions", lambda compiled, rows: of_rules(compiled, rows)[:, ::-1]
+    )
+    assert compared.differences(cases(6), tmp_path, ("contributions",))
+
+
 def test_shares_in_averages_of_many_rules_are_enumerated(tmp_path, monkeypatch):
     """More rules than those of which the product itself enumerates the coalitions."""
     counts, of_averages = [], weighted_shares._of_averages
