@@ -16,6 +16,7 @@ from fis_tools.analysis.arrays import Coverage, coverage, crossings, evaluate, f
 from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.interpreter import conclude
 from fis_tools.engines.program import assemble
+from fis_tools.model.expressions import parts_of
 
 #: A grid of more points than this is replaced by samples.
 MOST_POINTS = 50_000
@@ -232,16 +233,20 @@ def completeness(system: model.FuzzySystem) -> Completeness:
     Where every combination of terms has its rule, the strongest rule joins the highest memberships of the
     inputs, and is weakest where each input is covered worst. For any rules of min, max and not it is weakest
     on the grid of the points where a membership turns or two cross (each with complements), because between
-    these points the memberships of one input only rise or only fall, and keep their order. Both are exact.
-    For other rules samples are taken as well, for too many points instead; what they find is exact only if it
-    is 0.
+    these points the memberships of one input only rise or only fall, and keep their order. Both are exact
+    where memberships are straight between the points of a universe. For other rules, hedged ones among them,
+    and where memberships are formulas, samples are taken as well, for too many points instead; what they find
+    is exact only if it is 0.
     """
-    if _has_every_combination(system):
+    is_straight = not system.is_sampled
+    if is_straight and _has_every_combination(system):
         point = np.array([coverage(variable).at for variable in system.inputs])
         return Completeness(float(firing(system, point[np.newaxis]).max()), point, True)
     grid = _grid([_turning_points(variable) for variable in system.inputs])
     operators = {(system.and_operator_of(rule), system.or_operator_of(rule)) for rule in system.rules}
-    is_exact = grid is not None and operators == {("min", "max")}
+    parts = (part for rule in system.rules for part in parts_of(rule.antecedent))
+    is_hedged = any(isinstance(part, model.Hedged) for part in parts)
+    is_exact = grid is not None and is_straight and operators == {("min", "max")} and not is_hedged
     tried = [] if grid is None else [grid]
     points = np.concatenate(tried if is_exact else [*tried, spread_inputs(system)])
     strongest = firing(system, points).max(axis=1)

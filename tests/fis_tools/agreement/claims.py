@@ -10,6 +10,7 @@ import numpy as np
 from fis_tools.analysis import arrays, contribution, shapley
 from fis_tools.analysis.arrays import FIRED
 from fis_tools.analysis.bounds import ask
+from fis_tools.analysis.measures import completeness
 from fis_tools.array_types import Floats
 from fis_tools.engines import interval
 from fis_tools.engines.compiler import compile
@@ -206,6 +207,22 @@ def _quiet(rule: Rule, output: str) -> Rule:
     return replace(rule, consequents=tuple(consequents))
 
 
+def weakest(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]) -> Iterator[Difference]:
+    """Where the strongest rule is said to be weakest it fires as strongly; exactly told, nowhere less."""
+    if has_intervals(system):
+        return
+    told = completeness(system)
+    there = float(infer(system, told.at).firing_strengths.max())
+    if abs(there - told.least) > LEAST_FIRING:
+        yield Difference(claim, system, told.at, str(there), str(told.least))
+    low, high = np.array([[variable.minimum, variable.maximum] for variable in system.inputs]).T
+    for row, step in zip(rows, steps, strict=True):
+        is_inside = bool((row >= low).all() and (row <= high).all())
+        strongest = float(step.firing_strengths.max())
+        if told.is_exact and is_inside and strongest < told.least - LEAST_FIRING:
+            yield Difference(claim, system, row, str(strongest), f"nowhere below {told.least}")
+
+
 def crossing(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]) -> Iterator[Difference]:
     """What an input is changed to takes the output across the value."""
     for row, step in zip(rows[:1], steps, strict=False):
@@ -292,5 +309,6 @@ def diff(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]) 
 
 CLAIMS: dict[str, Check] = {
     **{"bounds": bounds, "no": no, "explain": explain, "shares": shares},
-    **{"contributions": contributions, "crossing": crossing, "surface": surface, "diff": diff},
+    **{"contributions": contributions, "weakest": weakest, "crossing": crossing},
+    **{"surface": surface, "diff": diff},
 }

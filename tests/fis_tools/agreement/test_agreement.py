@@ -1,5 +1,6 @@
 """A short part of ``python -m benchmarks agree``, and that it finds mistakes in each form."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -128,6 +129,17 @@ def test_a_contribution_that_is_another_rules_is_found(tmp_path, monkeypatch):
         claims.contribution, "contributions", lambda compiled, rows: of_rules(compiled, rows)[:, ::-1]
     )
     assert compared.differences(cases(6), tmp_path, ("contributions",))
+
+
+def test_a_weakest_firing_that_is_too_high_is_found(tmp_path, monkeypatch):
+    measured = claims.completeness
+
+    def higher(system):
+        told = measured(system)
+        return replace(told, least=told.least + 0.1, is_exact=True)
+
+    monkeypatch.setattr(claims, "completeness", higher)
+    assert compared.differences(cases(6), tmp_path, ("weakest",))
 
 
 def test_shares_in_averages_of_many_rules_are_enumerated(tmp_path, monkeypatch):

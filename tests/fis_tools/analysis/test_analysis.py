@@ -20,7 +20,19 @@ from fis_tools.analysis.domain import as_mapping, box_of, departures, from_mappi
 from fis_tools.analysis.measures import centre, completeness, complexity, rule_consistency
 from fis_tools.engines.compiler import compile
 from fis_tools.errors import ControllerFileError
-from fis_tools.model import And, Consequent, Expression, FuzzySystem, Is, Not, Or, Rule, Term, Variable
+from fis_tools.model import (
+    And,
+    Consequent,
+    Expression,
+    FuzzySystem,
+    Hedged,
+    Is,
+    Not,
+    Or,
+    Rule,
+    Term,
+    Variable,
+)
 from fis_tools.model.membership import MembershipFunction
 from fis_tools.model.rule_tables import table_rules
 from fis_tools.model.shapes import Gaussian, Sampled, Trapezoidal, Triangular
@@ -328,6 +340,34 @@ def test_samples_are_said_to_be_samples() -> None:
     result = completeness(product_of(X, Y, rules, and_operator="product"))
     assert not result.is_exact
     assert result.least == pytest.approx(0.5, abs=1e-12)
+
+
+def lowest(system: FuzzySystem) -> float:
+    """How strongly the strongest rule fires where it is weakest, on a dense line along x."""
+    along = np.stack([np.linspace(0.0, 10.0, 20_001), np.full(20_001, 5.0)], axis=1)
+    return float(compile(system).firing_strengths(along).max(axis=1).min())
+
+
+def test_hedged_terms_cross_where_they_are_hedged() -> None:
+    x = Variable("x", "", 0.0, 10.0, even_terms(("low", "high"), 0.0, 10.0), 11)
+    system = product_of(x, Y, concluding("low", Is("x", "low"), Hedged("somewhat", Is("x", "high"))))
+    result = completeness(system)
+    assert not result.is_exact
+    assert result.least == pytest.approx(lowest(system), abs=1e-3)
+    assert result.least > 0.6  # both hold by one half where the terms cross
+
+
+def test_a_gap_between_the_points_of_a_universe_is_found_where_memberships_are_formulas() -> None:
+    corners = {"low": (-1.0, 0.0, 2.0, 4.3), "medium": (4.7, 6.0, 6.5, 7.8), "high": (7.5, 10.0, 11.0, 12.0)}
+    terms = tuple(Term(name, Trapezoidal(*numbers)) for name, numbers in corners.items())
+    rules = concluding("low", *(Is("x", name) for name in corners))
+    system = product_of(Variable("x", "", 0.0, 10.0, terms, 6), Y, rules, semantics="matlab")
+    result = completeness(system)
+    assert result.least == lowest(system) == 0.0
+    assert 4.3 <= result.at[0] <= 4.7
+    held = replace(system, inputs=(replace(system.inputs[0], terms=even_terms(THREE, 0.0, 10.0)), Y))
+    held = replace(held, rules=concluding("low", *(Is("x", name) for name in THREE)))
+    assert not completeness(held).is_exact
 
 
 def test_a_rule_that_is_outvoted_means_little() -> None:
