@@ -348,7 +348,10 @@ class Polyline(MembershipFunction):
             return np.full(len(x), y[0])
         right = np.clip(np.searchsorted(own_x, x, side="left"), 1, len(own_x) - 1)
         left = right - 1
-        values = y[left] + (y[right] - y[left]) * ((x - own_x[left]) / (own_x[right] - own_x[left]))
+        widths = own_x[right] - own_x[left]
+        # of a jump at the first point, which has its own value below
+        widths = np.where(widths > 0.0, widths, 1.0)
+        values = y[left] + (y[right] - y[left]) * ((x - own_x[left]) / widths)
         values = np.where(x == own_x[right], y[right], values)  # a faint one would be lost
         return np.where(x <= own_x[0], y[0], np.where(x > own_x[-1], y[-1], values))
 

@@ -7,7 +7,8 @@ assumes of such a file. The law of every format: reading what was written gives 
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, pairwise
+from itertools import chain, groupby, pairwise
+from operator import itemgetter
 from typing import cast
 
 import numpy as np
@@ -322,7 +323,23 @@ def _expressed_membership(variable: Variable, term: Term, dialect: Dialect) -> M
         has_no_word and not isinstance(shape, model.Ramp | model.Polyline)
     ):
         return polyline(variable, term)
+    if isinstance(shape, model.Polyline) and dialect.words != "fcl":
+        return _without_jumps(shape)
     return shape if dialect.has_walls else without_walls(variable, shape)
+
+
+def _without_jumps(shape: model.Polyline) -> model.Polyline:
+    """Return the same polyline, with a slope up to the next number for a jump, which only FCL can write."""
+    points: list[tuple[float, float]] = []
+    groups = [
+        (x, [y for _, y in group]) for x, group in groupby(zip(shape.x, shape.y, strict=True), itemgetter(0))
+    ]
+    for (x, heights), (following, _) in pairwise([*groups, (np.inf, [])]):
+        points.append((x, heights[0]))
+        next_x = float(np.nextafter(x, np.inf))
+        if len(heights) > 1 and next_x < following:
+            points.append((next_x, heights[-1]))
+    return model.Polyline(*map(tuple, zip(*points, strict=True)))
 
 
 def polyline(variable: Variable, term: Term) -> model.Polyline:

@@ -29,6 +29,7 @@ from fis_tools.formats.exchange.foreign import RAMPS, TABLES
 from fis_tools.formats.mapping import from_mapping, refuse_problems, to_mapping
 from fis_tools.formats.serialize import Reading, Written
 from fis_tools.model import TOOLS, FuzzyController, FuzzySystem, Rule, Term, Variable, numbers, sample
+from fis_tools.model.intervals import has_intervals
 from fis_tools.model.membership import Format
 from fis_tools.model.systems import reach
 from fis_tools.words.text import number
@@ -274,11 +275,23 @@ def understand(visible: FuzzySystem, comments: Iterable[tuple[int, str]], dialec
         raise ControllerFileError(
             f"the comment '{_ANY_MARK}…' is not of this file ({error}); delete it to read what the file shows"
         ) from error
-    if expressed.system == complete:
+    if _without_idle_operators(expressed.system) == _without_idle_operators(complete):
         return Reading(carried, ())
     note = "the file was changed after it was written: what it shows counts, and its comment is left out"
     edited = serialize.renamed(FuzzyController(visible.name, (complete,), provenance=(EDITED,)))
     return Reading(edited, (note, *assumed), about_points)
+
+
+def _without_idle_operators(system: FuzzySystem) -> FuzzySystem:
+    """Return a system without operators that none of its rules uses: files do not state these."""
+    plain = FuzzySystem("", (), (), ())
+    kinds = {type(part) for rule in system.rules for part in model.parts_of(rule.antecedent)}
+    return replace(
+        system,
+        and_operator=system.and_operator if model.And in kinds else plain.and_operator,
+        or_operator=system.or_operator if model.Or in kinds else plain.or_operator,
+        type_reduction=system.type_reduction if has_intervals(system) else plain.type_reduction,
+    )
 
 
 def _find(comments: Iterable[tuple[int, str]]) -> FuzzyController | None:

@@ -14,8 +14,9 @@ from fis_tools.formats.exchange.dialect import express
 from fis_tools.formats.exchange.writing import EDITED
 from fis_tools.formats.serialize import ControllerFileError
 from fis_tools.model import And, Consequent, FuzzyController, FuzzySystem, Hedged, Is, Not, Or, Rule, Term
-from fis_tools.model.shapes import Gaussian, Sampled
+from fis_tools.model.shapes import Gaussian, Polyline, Sampled
 from fis_tools.model.systems import with_variables
+from tests.fis_tools.agreement import drawn
 from tests.fis_tools.engines.random_systems import hedged, otherwise, random_general_system
 from tests.fis_tools.formats.exchange.systems import DENIED, FLAT, NESTED, alone, without_comment
 from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z
@@ -56,6 +57,7 @@ def with_rules(*rules: Rule, **changes: str) -> FuzzySystem:
 
 
 HEAT, FLAP = FLAT.outputs
+STEP = Polyline((2.0, 2.0, 2.0, 4.0, 6.0), (0.0, 0.7, 1.0, 0.75, 0.25))
 SOME_HEAT = (Consequent("heat", "some"),)
 CALM = Is("wind", "calm")
 STORM = Is("wind", "storm")
@@ -109,6 +111,32 @@ def test_random_systems_survive_or_are_refused(form):
         assert form.read(text).controller == controller
         assert form.read(without_comment(text)).controller.systems[0] == express(system, form.DIALECT).system
     assert refused < 28
+
+
+@pytest.mark.parametrize("kind", serialize.FORMS)
+def test_what_can_be_written_comes_back_as_it_was(kind):
+    """Systems of everything that is registered, with operators that no rule uses, and jumps of tables."""
+    num_written = 0
+    for seed in range(200):
+        controller = alone(drawn.system(np.random.default_rng([3, seed])))
+        try:
+            text = serialize.writer(kind)(controller).text
+        except NotExpressible:
+            continue
+        assert serialize.loads(text, kind) == controller
+        num_written += 1
+    assert num_written > 10
+
+
+def test_a_jump_is_written_as_a_slope_up_to_the_next_number(form):
+    system = replace(
+        FLAT,
+        inputs=(replace(FLAT.inputs[0], terms=(*FLAT.inputs[0].terms, Term("step", STEP))), FLAT.inputs[1]),
+    )
+    text = without_comment(form.write(alone(system)).text)
+    shown = form.read(text).controller.systems[0].inputs[0].terms[-1].membership
+    around = np.array([-1.0, 2.0, np.nextafter(2.0, 3.0), 3.0, 5.0, 6.0])
+    np.testing.assert_array_equal(shown.at(around), STEP.at(around))
 
 
 @pytest.mark.parametrize("and_operator", ["min", "product", "einstein_product"])
