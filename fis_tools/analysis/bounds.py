@@ -267,6 +267,9 @@ def output_ranges(
 
             search = subdivide(packed, where, promise, tolerance=gap, **limits)
             if not len(search.open_promises) and search.best == -np.inf:
+                if not region:
+                    cure = "give it a default, or rules that conclude on it"
+                    raise NotBounded(f"{output.name} has no value anywhere; {cure}")
                 raise ValueError(f"no inputs meet all conditions of {region!r}; relax one of them")
             ends.append(search)
         ranges.append(_range(system, output, where, *ends))

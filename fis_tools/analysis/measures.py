@@ -216,7 +216,9 @@ def _meanings(system: model.FuzzySystem, number: int, answers: Floats, rule_answ
         index = names.index(consequent.variable)
         variable = system.outputs[index]
         if system.weighs(variable):
-            deviation = np.abs(answers[:, index] - rule_answers[index]) / variable.span
+            with np.errstate(invalid="ignore"):  # equal, though infinite, is no deviation
+                deviation = np.abs(answers[:, index] - rule_answers[index]) / variable.span
+            deviation[answers[:, index] == rule_answers[index]] = 0.0
             meant = np.minimum(meant, np.clip(1.0 - deviation, 0.0, 1.0))
             continue
         function = variable.memberships[variable.term_index(consequent.term)]

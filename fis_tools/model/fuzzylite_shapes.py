@@ -60,8 +60,9 @@ class Concave(MonotoneFunction):
         return np.where(is_below, span / np.where(is_below, 2.0 * self.end - self.inflection - x, 1.0), 1.0)
 
     def inverse(self, degrees: Floats) -> Floats:
-        """Return the points with these degrees."""
-        return 2.0 * self.end - self.inflection + (self.inflection - self.end) / degrees
+        """Return the points with these degrees; infinite for faint ones."""
+        with np.errstate(over="ignore"):
+            return 2.0 * self.end - self.inflection + (self.inflection - self.end) / degrees
 
 
 @shape(

@@ -190,7 +190,7 @@ class Sigmoid(MonotoneFunction):
 
     def inverse(self, degrees: Floats) -> Floats:
         """Return the points with these degrees; infinite for a degree of one."""
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", over="ignore"):
             return self.inflection - np.log(1.0 / degrees - 1.0) / self.slope
 
 

@@ -49,13 +49,19 @@ def over_axes(system: Inferable, result: Surface, samples: Floats | None) -> Flo
     return np.stack(columns, axis=1)
 
 
+def finite_ends(values: Floats) -> tuple[float, float]:
+    """Return the least and the greatest finite value; infinity and its negative where there is none."""
+    finite = values[np.isfinite(values)]
+    return float(finite.min(initial=np.inf)), float(finite.max(initial=-np.inf))
+
+
 def value_limits(results: Sequence[Surface]) -> tuple[float, float]:
-    """Return the range of some surfaces; the universe's ends where all values are equal.
+    """Return the range of some surfaces; the universe's ends where all values are equal, or there is none.
 
     A formula has no value at some places, which are left out.
     """
-    low = min(float(np.nanmin(result.values)) for result in results)
-    high = max(float(np.nanmax(result.values)) for result in results)
+    lows, highs = zip(*(finite_ends(result.values) for result in results), strict=True)
+    low, high = min(lows), max(highs)
     output = results[0].output
     is_flat = high - low < _SAME * output.span
     return (output.minimum, output.maximum) if is_flat else (low, high)
@@ -65,7 +71,8 @@ def round_levels(result: Surface, limits: tuple[float, float]) -> Floats:
     """Return round levels between two outputs, zero left out."""
     low, high = limits
     levels = np.asarray(MaxNLocator(7).tick_values(low, high), dtype=np.float64)
-    is_between = (levels > np.nanmin(result.values)) & (levels < np.nanmax(result.values))
+    least, greatest = finite_ends(result.values)
+    is_between = (levels > least) & (levels < greatest)
     return np.asarray(levels[is_between & (np.abs(levels) > _SAME * (high - low))])
 
 
@@ -76,7 +83,8 @@ def signed(result: Surface, limits: tuple[float, float]) -> Floats | None:
     """
     least = _SAME * (limits[1] - limits[0])
     values = np.where(np.abs(result.values) > least, result.values, 0.0)
-    return values if np.nanmin(values) < 0.0 < np.nanmax(values) else None
+    low, high = finite_ends(values)
+    return values if low < 0.0 < high else None
 
 
 def entitle(ax: Any, words: str) -> None:

@@ -4,6 +4,7 @@
 """
 
 import json
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
@@ -160,9 +161,22 @@ def plain(value: Any) -> Any:
 
 
 def as_json(schema: str, version: int, content: Mapping[str, Any]) -> str:
-    """Write data as JSON that says which schema it follows; keys may be added to a version, not changed."""
-    entries = {"schema": schema, "schema_version": version, **content}
+    """Write data as JSON that says which schema it follows; keys may be added to a version, not changed.
+
+    JSON has no infinite numbers, and none that are not a number: they become null.
+    """
+    entries = _plain({"schema": schema, "schema_version": version, **content})
     return json.dumps(entries, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    """Return data of Python's own types, with None for numbers that JSON does not have."""
+    if isinstance(value, Mapping):
+        return {key: _plain(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    value = value.item() if hasattr(value, "item") else value  # of NumPy, which this package does without
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 class Result(ABC):

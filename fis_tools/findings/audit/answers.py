@@ -123,6 +123,8 @@ def _ways_back(
 ) -> Findings:
     """Yield where an output, on (m, n) points of lines along an input, goes against its usual direction."""
     variable, output = system.inputs[axis], system.outputs[output_index]
+    # a formula may have no value, or an infinite one: these have no direction
+    lines = np.where(np.isfinite(lines), lines, np.nan)
     changes = np.diff(lines, axis=-1)
     up, down = float(changes[changes > 0].sum()), float(-changes[changes < 0].sum())
     if not min(up, down) > 0 or min(up, down) / (up + down) > thresholds.against:

@@ -14,6 +14,7 @@ from fis_tools.findings.difference.comparison import SystemDifference, VariableC
 from fis_tools.model import FuzzySystem
 from fis_tools.model.intervals import sampled_bounds
 from fis_tools.render import Figure, Theme
+from fis_tools.render.surfaces import finite_ends
 from plain_files.document.html import element, png_address, void
 
 #: Points along each axis of a surface.
@@ -87,12 +88,11 @@ def changed_surfaces(
 
 def _figure(surfaces: tuple[Surface, Surface, Surface], theme: Theme) -> Figure:
     """Draw both with one scale, and the change with one whose middle is zero."""
-    shown = np.concatenate([grid.values.ravel() for grid in surfaces[:2]])
-    limits = (float(np.nanmin(shown)), float(np.nanmax(shown)))
+    low, high = finite_ends(np.stack([grid.values for grid in surfaces[:2]]))
     figure = Figure(figsize=(12.6, 3.7), layout="constrained")
     *axes, last = figure.subplots(1, 3)
     for grid, words, ax in zip(surfaces[:2], ("before", "after"), axes, strict=True):
-        render.draw_surface(grid, ax, None if limits[0] == limits[1] else limits, title=words, theme=theme)
+        render.draw_surface(grid, ax, (low, high) if low < high else None, title=words, theme=theme)
     render.draw_surface(surfaces[2], last, title="after less before", is_change=True, theme=theme)
     return figure
 
