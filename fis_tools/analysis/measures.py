@@ -72,7 +72,8 @@ class RuleConsistency:
     alone : (num_rules, num_outputs)
         What the rule would answer there if it were the only one; NaN for an output it says nothing on.
     values : (num_rules,)
-        From 0 (the answer is nothing like the consequent) to 1 (it is as much like it as the rule's own).
+        From 0 (the answer is nothing like the consequent) to 1 (it is as much like it as the rule's own); NaN
+        of a rule whose outputs have no value.
     """
 
     points: Floats
@@ -82,8 +83,8 @@ class RuleConsistency:
 
     @property
     def index(self) -> float:
-        """The lowest value of all rules."""
-        return float(self.values.min())
+        """The lowest value of all rules; NaN if none has one."""
+        return float(np.fmin.reduce(self.values))
 
 
 @dataclass(frozen=True)
@@ -158,13 +159,14 @@ def rule_consistency(system: model.FuzzySystem) -> RuleConsistency:
     if grid is None:
         grid = spread_inputs(system)
     strengths, answers = firing(system, grid), evaluate(system, grid)
-    has_value = ~np.isnan(answers).any(axis=1)  # a formula may have none
-    if not has_value.any():
+    is_valued = ~np.isnan(answers).all(axis=0)
+    has_value = ~np.isnan(answers[:, is_valued]).any(axis=1)  # a formula may have none
+    if not (is_valued.any() and has_value.any()):
         count = len(system.rules)
         no_input, no_output = (
             np.full((count, len(ends)), np.nan) for ends in (system.inputs, system.outputs)
         )
-        return RuleConsistency(no_input, no_output, no_output, np.zeros(count))
+        return RuleConsistency(no_input, no_output, no_output, np.full(count, np.nan))
     grid, strengths, answers = grid[has_value], strengths[has_value], answers[has_value]
     highest = strengths.max(axis=0)
     is_highest = strengths >= highest - 1e-9
@@ -174,7 +176,7 @@ def rule_consistency(system: model.FuzzySystem) -> RuleConsistency:
         indices = np.flatnonzero(is_highest[:, number])
         meant = _meanings(system, number, answers[indices], rule_answers)
         best.append(indices[np.argmax(meant)])
-        values.append(meant.max() if highest[number] > 0 else 0.0)
+        values.append(np.fmax.reduce(meant) if highest[number] > 0 else 0.0)
     return RuleConsistency(grid[best], answers[best], alone, np.array(values))
 
 
@@ -209,8 +211,11 @@ def _alone(system: model.FuzzySystem, strengths: Floats, grid: Floats, indices: 
 
 
 def _meanings(system: model.FuzzySystem, number: int, answers: Floats, rule_answers: Floats) -> Floats:
-    """Return how far outputs, (n, num_outputs), agree with a rule's consequents, from 0 to 1, (n,)."""
-    meant = np.ones(len(answers))
+    """Return how far outputs, (n, num_outputs), agree with a rule's consequents, from 0 to 1, (n,).
+
+    NaN where none of these outputs has a value.
+    """
+    meant = np.full(len(answers), np.nan)
     names = [variable.name for variable in system.outputs]
     for consequent in system.rules[number].consequents:
         index = names.index(consequent.variable)
@@ -219,13 +224,13 @@ def _meanings(system: model.FuzzySystem, number: int, answers: Floats, rule_answ
             with np.errstate(invalid="ignore"):  # equal, though infinite, is no deviation
                 deviation = np.abs(answers[:, index] - rule_answers[index]) / variable.span
             deviation[answers[:, index] == rule_answers[index]] = 0.0
-            meant = np.minimum(meant, np.clip(1.0 - deviation, 0.0, 1.0))
+            meant = np.fmin(meant, np.clip(1.0 - deviation, 0.0, 1.0))
             continue
         function = variable.memberships[variable.term_index(consequent.term)]
         like, most = (
             np.interp(y, variable.universe, function) for y in (answers[:, index], rule_answers[index])
         )
-        meant = np.minimum(meant, like / most if most > 0 else like)
+        meant = np.fmin(meant, np.minimum(like / most if most > 0 else like, 1.0))
     return meant
 
 

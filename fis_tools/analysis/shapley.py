@@ -368,10 +368,15 @@ def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:
     -------
     (num_rules, num_outputs)
         The mean size of its shares, in parts of the output's range; of many samples `MOST_SAMPLES` are taken.
+        Samples without an output are left out.
     """
     some = inputs[:: -(-len(inputs) // MOST_SAMPLES)]
     ranges = np.array([variable.span for variable in compiled.system.outputs])
-    return np.abs(shares(compiled, some, FEW_ORDERS).values).mean(axis=0) / ranges
+    moved = np.abs(shares(compiled, some, FEW_ORDERS).values)
+    if np.isfinite(moved).all():
+        return moved.mean(axis=0) / ranges
+    is_known = np.isfinite(moved)
+    return np.where(is_known, moved, 0.0).sum(axis=0) / np.maximum(is_known.sum(axis=0), 1) / ranges
 
 
 def sampled(num_players: int, worth: Worth, num_orders: int) -> tuple[Floats, float]:

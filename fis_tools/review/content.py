@@ -444,6 +444,7 @@ CALLED: dict[str, Callable[..., Any]] = {
         function.__name__: function
         for function in (
             wording.with_unit,
+            wording.two_decimals,
             wording.shape_words,
             wording.sentence,
             wording.summary,

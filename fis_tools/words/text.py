@@ -296,6 +296,11 @@ def signed(variable: Variable, value: float) -> str:
     return words if words.startswith(("-", "0 ")) or words == "0" else f"+{words}"
 
 
+def two_decimals(value: float) -> str:
+    """Format an index from 0 to 1, which may have no value."""
+    return "no value" if np.isnan(value) else f"{value:.2f}"
+
+
 def percent(fraction: float) -> str:
     """Format a fraction in percent; values near 0 and 100 % keep apart from them."""
     for digits in (0, 1, 2):

@@ -7,7 +7,7 @@ from typing import Any
 
 from fis_tools.analysis.measures import Measures
 from fis_tools.model import Semantics
-from fis_tools.words.text import inferred_as
+from fis_tools.words.text import inferred_as, two_decimals
 from plain_files.document import Block, Document, Heading, Items, Paragraph, Result, Table, plain
 
 
@@ -249,7 +249,7 @@ _ROWS: dict[str, Callable[[Measures], str]] = {
     "premises": lambda m: str(m.complexity.premises),
     "terms in, out": lambda m: f"{m.complexity.input_terms}, {m.complexity.output_terms}",
     "completeness (lowest maximum strength)": _completeness,
-    "rule consistency (lowest)": lambda m: f"{m.rule_consistency.index:.2f}",
+    "rule consistency (lowest)": lambda m: two_decimals(m.rule_consistency.index),
 }
 
 

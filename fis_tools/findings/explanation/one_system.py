@@ -29,6 +29,8 @@ JUMP = 1e-3
 #: A change of less than this share of an input's range is any change at all.
 ANY_CHANGE = 1e-7
 
+#: what is needed of a rule without which there is no output
+ALL = "all"
 #: what is said in place of a class where the defaults alone, which may be equal, decide
 BY_DEFAULT = "the default, as no rule fires"
 
@@ -244,7 +246,8 @@ class Explanation(Result):
         shown = list(moves) if everything else shown or list(moves[:1])
         rows = []
         for move in shown:
-            amounts = [signed(variable, part) for part in (move.share, move.needed)]
+            needed = ALL if np.isnan(move.needed) else signed(variable, move.needed)
+            amounts = [signed(variable, move.share), needed]
             words = f"{move.rule}. {sentence(self.system.rules[move.rule - 1])}"
             rows.append([*amounts, move.strength_words, words])
         rest = moves[len(shown) :]

@@ -117,8 +117,16 @@ class Bench:
         return {name: self.change(name, compiled(rows)) for name, rows in self.samples.items()}
 
     def change(self, name: str, outputs: Floats) -> OutputDeviation:
-        """Measure how far outputs, (n, num_outputs), deviate from the original's on some samples."""
-        departures = np.abs(outputs - self.outputs[name]) / self.spans
+        """Measure how far outputs, (n, num_outputs), deviate from the original's on some samples.
+
+        To have no value where the original has none is no deviation; to have one where it has none, or none
+        where it has one, is beyond any budget.
+        """
+        before = self.outputs[name]
+        with np.errstate(invalid="ignore"):
+            departures = np.abs(outputs - before) / self.spans
+        is_same = (outputs == before) | (np.isnan(outputs) & np.isnan(before))
+        departures = np.where(is_same, 0.0, np.where(np.isnan(departures), np.inf, departures))
         return OutputDeviation(
             tuple(departures.max(axis=0).tolist()), tuple(departures.mean(axis=0).tolist())
         )

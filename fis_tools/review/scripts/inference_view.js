@@ -144,7 +144,8 @@ function firedRules(state, output, id, quadrature) {
   const isShown = (rule, place) => place === 0 || inference.firing[rule] >= SHOWN_FROM;
   const rows = firing.slice(0, MOST_RULES).filter(isShown);
   const items = rows.map((rule) => {
-    const words = `needed ${signed(shown0(needed[rule]), variable, 3)}. ${system.rules[rule].words}`;
+    const without = Number.isNaN(needed[rule]) ? "without it there is no output" : `needed ${signed(shown0(needed[rule]), variable, 3)}`;
+    const words = `${without}. ${system.rules[rule].words}`;
     return make(
       "li",
       {},

@@ -7,8 +7,9 @@ function shown(value, digits = 4) {
   return String(rounded === 0 ? 0 : rounded).replace("-", "−");
 }
 
-/** A quantity with its unit. */
+/** A quantity with its unit; no number is no output. */
 function quantity(value, variable, digits = 4) {
+  if (Number.isNaN(value)) return "no output";
   return variable.unit ? `${shown(value, digits)} ${variable.unit}` : shown(value, digits);
 }
 

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from fis_tools.analysis.arrays import spread_inputs
+from fis_tools.engines.compiler import compile
 from fis_tools.engines.packing import pack
 from fis_tools.findings.simplification import Budget, SimplifiedSystem, simplify
 from fis_tools.findings.simplification.draft import Merger, merged, rounded, units, without_input
+from fis_tools.findings.simplification.report import SPREAD, Bench
 from fis_tools.formats.serialize import dump_yaml, load, loads
 from fis_tools.model import And, Consequent, FuzzyController, FuzzySystem, Is, Or, Rule, Term, Variable
 from fis_tools.model.shapes import Gaussian, Trapezoidal, Triangular
@@ -239,6 +241,33 @@ def test_an_output_keeps_a_rule_however_large_the_budget():
         result = simplify(system, budget=Budget(1.0, 1.0)).systems[0].simplified
         concluded = {consequent.variable for rule in result.rules for consequent in rule.consequents}
         assert concluded == {variable.name for variable in system.outputs}
+
+
+def test_an_output_that_appears_or_goes_is_beyond_any_budget():
+    outputs = np.array([[1.0], [np.nan], [np.inf], [4.0]])
+    bench = Bench(Budget(), {SPREAD: np.zeros((4, 1))}, {SPREAD: outputs}, np.array([2.0]))
+    assert bench.change(SPREAD, outputs).largest == (0.0,)
+    for row, value in ((0, np.nan), (1, 0.0), (2, -np.inf), (3, np.nan)):
+        other = outputs.copy()
+        other[row] = value
+        assert bench.change(SPREAD, other).largest == (np.inf,)
+        assert bench.cost({SPREAD: bench.change(SPREAD, other)}) == np.inf
+
+
+def test_where_there_is_no_output_there_is_none_of_the_simpler_system():
+    x = Variable("x", "", 0.0, 4.0, (Term("middle", Trapezoidal(1.0345, 1.5, 2.5, 2.9655)),))
+    terms_of_y = (Term("some", Triangular(0.123456, 0.9, 1.7)), Term("idle", Triangular(0.0, 1.0, 2.0)))
+    y = Variable("y", "", 0.0, 2.0, terms_of_y)
+    rule = Rule(Is("x", "middle"), (Consequent("y", "some"),))
+    system = FuzzySystem("s", (x,), (y,), (rule,), semantics="fuzzylite")
+    (result,) = simplify(system).systems
+    assert [term.name for term in result.simplified.outputs[0].terms] == ["some"]
+    assert len(result.steps) > 1  # numbers were rounded, too
+    assert result.changes[SPREAD].largest[0] <= Budget().max_change
+    inputs = spread_inputs(system)
+    before, after = (compile(each)(inputs) for each in (system, result.simplified))
+    assert 0 < np.isnan(before).sum() < len(inputs)
+    np.testing.assert_array_equal(np.isnan(after), np.isnan(before))
 
 
 def test_the_steps_are_told():
