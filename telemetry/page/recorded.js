@@ -3,13 +3,19 @@ import { ENDED, cross, plus, pushText, scaled } from "./view.js";
 
 const ROUNDED_N = 1e-12; // what turning axes leaves of a force along one that has none
 
-/** What was fired at a sample, and why, from a table's texts and the indices of those of each axis. */
-export function reasonsOf({ texts: all, reasons }, k, force) {
+/** A force without what is but rounding. */
+export const fired = force => force.map(part => (Math.abs(part) < ROUNDED_N ? 0 : part));
+
+/**
+ * What was fired at a sample, and why, from a table's texts and the indices of those of each axis; the text `silent` says
+ * that nothing was asked for, which is true of a sample only where it is true of all axes.
+ */
+export function reasonsOf({ texts: all, reasons, silent }, k, force) {
   const texts = reasons[k].map(index => all[index]);
   const rows = force.flatMap((part, axis) => part ? [{ size: Math.abs(part), text: pushText(axis, part), detail: texts[axis] }] : []);
   rows.sort((a, b) => b.size - a.size);
   rows.forEach((row, at) => { if (row.detail === rows[at + 1]?.detail) row.detail = ""; }); // said once
-  return rows.length ? rows : [{ text: "No push.", detail: texts.find((text, axis) => texts.indexOf(text) !== axis) ?? texts[0] }];
+  return rows.length ? rows : [{ text: "No push.", detail: all[reasons[k].find(index => index !== silent) ?? silent] }];
 }
 
 /** Why the strongest push of a sample came: what is said once of several stands at the last of them. */
@@ -43,7 +49,7 @@ export function recordedFlight(table) {
   const bit = (array, index) => (array[index >> 3] >> (index & 7) & 1) > 0;
   const three = (array, row) => [array[3 * row], array[3 * row + 1], array[3 * row + 2]];
   const numSamples = arrays.spent.length, last = numSamples - 2;
-  const force = k => three(arrays.force, k).map(part => (Math.abs(part) < ROUNDED_N ? 0 : part));
+  const force = k => fired(three(arrays.force, k));
   const held = Array.from({ length: table.numPoints }, (_, j) => three(arrays.points, j));
   const reasons = k => (k > last ? ENDED : reasonsOf(table, k, force(k)));
   return {

@@ -10,7 +10,7 @@ import numpy as np
 
 from plain_files.document import Block, Document, Heading, Paragraph
 from plain_files.document.html import page
-from telemetry.array_types import Booleans, Floats
+from telemetry.array_types import Booleans, Floats, Integers
 from telemetry.file import RecordingError, topics
 from telemetry.file.reader import read
 from telemetry.file.recording import Recording, TopicColumns
@@ -31,6 +31,9 @@ BODY = "body"
 #: before their reasons
 ALONG_DEPUTY = "Along the deputy's axes: "
 UNKNOWN = "The recording does not say why."
+FIRED, SILENT = (reason.name.lower() for reason in (topics.Reason.FIRED, topics.Reason.SILENT))
+#: what turning axes leaves of a force along one that has none
+ROUNDED_N = 1e-12
 
 
 def write(*files: Path) -> str:
@@ -135,7 +138,6 @@ def table_of(recording: Recording) -> tuple[dict[str, Any], dict[str, Any]]:
         "numSystems": 0,
     }
     mission, control = (recording.topics.get(topic) for topic in (topics.MISSION, topics.DEPUTY_CONTROL))
-    texts, reasons = _reasons(recording, times)
     spent = _at(mission, "delta_v_m_s", times) if mission else np.full(len(times), np.nan)
     samples = {
         "attitude": _floats(attitude),
@@ -146,8 +148,7 @@ def table_of(recording: Recording) -> tuple[dict[str, Any], dict[str, Any]]:
         "spent": _floats(spent),
         "isSeen": _bits(is_seen),
         "isLit": _bits(is_lit),
-        "texts": texts,
-        "reasons": reasons,
+        **_reasons(recording, times),
     }
     return flight, samples
 
@@ -202,49 +203,61 @@ def _turned(quaternion: Floats, vectors: Floats) -> Floats:
     return vectors + w * side + np.cross(axis, side)
 
 
-def _reasons(recording: Recording, times: Floats) -> tuple[list[str], list[list[int]]]:
+def _reasons(recording: Recording, times: Floats) -> dict[str, Any]:
     """Return why each component of the force was fired, or nothing was, as texts and their indices.
 
     Where a fuzzy system inferred what was fired, it is the rule with the largest share along it.
     """
     control = recording.topics.get(topics.DEPUTY_CONTROL)
     texts: list[str] = [UNKNOWN]
-    indices = np.zeros((len(times), 3), dtype=np.int64)
     if not control or not len(control):
-        return texts, indices.tolist()
-    rows = np.clip(np.searchsorted(control.time_s, times + 1e-6, side="right") - 1, 0, None)
+        return {"texts": texts, "reasons": [[0, 0, 0]] * len(times), "silent": -1}
+    indices = np.zeros((len(control), 3), dtype=np.int64)
+    silent = -1
     if control["reason"].shape[1]:
         words = np.unique(control["reason"])
         known = {str(word): len(texts) + index for index, word in enumerate(words)}
         texts += [f"{str(word).replace('_', ' ').capitalize()}." for word in words]
-        indices = np.vectorize(known.get, otypes=[np.int64])(control["reason"][rows].astype(str))
+        indices = np.vectorize(known.get, otypes=[np.int64])(control["reason"].astype(str))
+        silent = known.get(SILENT, silent)
+    rules, sizes = np.full(indices.shape, -1), np.zeros(indices.shape)
     for name in recording.fis_names:
-        _name_rules(recording, name, times, texts, indices)
-    is_body = any(recording.fis_description(name).output_axes == BODY for name in recording.fis_names)
-    if is_body and control["force_asked_n"].shape[1]:
-        are_fired = np.ones(indices.shape, dtype=np.bool_)
-        if control["reason"].shape[1]:
-            are_fired = np.isin(control["reason"][rows], topics.FIRED)
-        leading = leading_axes(_at(control, "force_asked_n", times), are_fired)
-        indices[:] = np.take_along_axis(indices, leading[:, np.newaxis], axis=1)
+        _name_rules(recording, name, texts, rules, sizes)
+    are_pushes = np.abs(control["force_hill_n"]) >= ROUNDED_N
+    if control["reason"].shape[1]:
+        # reasons of forces along the deputy's axes, of which others were fired
+        is_denied = are_pushes & np.isin(control["reason"], topics.NOT_FIRED)
+        indices[is_denied] = known.get(FIRED, 0)
+        are_pushes &= ~np.isin(control["reason"], topics.NOT_AS_ASKED)
+    if any(recording.fis_description(name).output_axes == BODY for name in recording.fis_names):
+        rules = along_hill(rules, sizes, are_pushes)
         texts = [f"{ALONG_DEPUTY}{text}" if text.startswith("Rule ") else text for text in texts]
-    return texts, indices.tolist()
+    indices = np.where(rules >= 0, rules, indices)
+    rows = np.clip(np.searchsorted(control.time_s, times + 1e-6, side="right") - 1, 0, None)
+    return {"texts": texts, "reasons": indices[rows].tolist(), "silent": silent}
 
 
-def leading_axes(forces: Floats, are_fired: Booleans) -> np.ndarray[Any, np.dtype[np.intp]]:
-    """Return of each row the axis of the largest force that was fired, or where none was of the largest.
+def along_hill(rules: Integers, sizes: Floats, are_pushes: Booleans) -> Integers:
+    """Return the rules of pushes along Hill's axes from those of forces along the deputy's.
 
-    Rules along the deputy's axes have a reason for each of these, and a page shows forces along others: the
-    leading axis's reason is that of all of them.
+    A page shows forces along Hill's axes, of each of which all those along the deputy's are a part: the rule
+    of the largest is told of all.
+
+    Parameters
+    ----------
+    rules : (n, 3) int
+        Of each force that was fired, along the deputy's axes; -1 for none.
+    sizes : (n, 3) float
+        Of these forces, as they were asked for.
+    are_pushes : (n, 3) bool
+        Whether what rules ask for was fired along each of Hill's axes.
     """
-    counts = are_fired | ~are_fired.any(axis=1, keepdims=True)
-    return np.argmax(np.where(counts, np.abs(forces), -1.0), axis=1)
+    leading = np.argmax(np.where(rules >= 0, np.abs(sizes), -1.0), axis=1)
+    return np.where(are_pushes, np.take_along_axis(rules, leading[:, np.newaxis], axis=1), -1)
 
 
-def _name_rules(
-    recording: Recording, name: str, times: Floats, texts: list[str], indices: np.ndarray[Any, Any]
-) -> None:
-    """Put the leading rule of each inference of a system that was fired into the texts and their indices."""
+def _name_rules(recording: Recording, name: str, texts: list[str], rules: Integers, sizes: Floats) -> None:
+    """Put the leading rule of each inference that was fired into the texts, and its index and force."""
     description = recording.fis_description(name)
     if description.output_name not in topics.FORCE_COMPONENTS or topics.fis_topic(name) not in recording:
         return
@@ -258,10 +271,11 @@ def _name_rules(
     for rule in Counter(leading.tolist()):
         of_rule[rule] = len(texts)
         texts.append(f"Rule {rule + 1} of {name}: {description.rules[rule]}.")
-    samples = np.searchsorted(times, fired_s - 1e-6)
-    for sample, rule in zip(samples.tolist(), leading.tolist(), strict=True):
-        if sample < len(times):
-            indices[sample, axis] = of_rule[rule]
+    # of the control period in which it was fired, of which a page that is thinned may have no sample
+    rows = np.searchsorted(recording[topics.DEPUTY_CONTROL].time_s, fired_s - 1e-6)
+    is_known = rows < len(rules)
+    rules[rows[is_known], axis] = np.array([of_rule[rule] for rule in leading.tolist()])[is_known]
+    sizes[rows[is_known], axis] = forces[is_known]
 
 
 def _floats(array: Any) -> str:
