@@ -34,7 +34,8 @@ export const pushedAxes = force => [0, 1, 2].filter(axis => force[axis]).sort((a
  */
 export function told(flight, k, words, pushed) {
   if (k >= flight.numSamples - 1) return ENDED;
-  const decision = k - k % flight.stride, force = flight.force(decision), at = clockWords(decision * flight.periodS);
+  // between two decisions a safety layer may push
+  const decision = flight.force(k).some(Boolean) ? k : k - k % flight.stride, force = flight.force(decision), at = clockWords(decision * flight.periodS);
   const rows = pushedAxes(force).map(axis => ({ text: pushText(axis, force[axis]), detail: pushed(decision, axis), axis }));
   rows.forEach((row, place) => { if (row.detail === rows[place + 1]?.detail) row.detail = ""; });
   if (!rows.length) {

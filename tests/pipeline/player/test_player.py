@@ -13,11 +13,12 @@ from numba import types
 from playwright.sync_api import expect
 
 from benchmarks.scaling import words_of
-from fis_tools.model.thrust import REASONS
+from fis_tools.model.thrust import REASONS, SILENT_N
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.flight.control.controller import PlanningController
 from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.goals.reach import until_end
 from pipeline.player import flown
 from pipeline.player.arguments import MODULES, PLAIN
 from pipeline.player.build import FOLDER, functions
@@ -78,6 +79,9 @@ COURSES = (
     ("champion_leo_rehearsed", "dynamics=two_body", *STEEP, "light=shadow", "sun=random", "duration_s=1800"),
     ("champion_27", "dynamics=low_orbit", "orbit.course=true", "orbit.epoch=2026-11-26T12:00:00", TURNING),
 )
+#: reasons by their indices in logs, and those of what was not fired
+NAMES = list(REASONS)
+NOT_FIRED = [name for name, text in REASONS.items() if re.search(r"not fired|or fired|yet to fire", text)]
 #: bytes of an array as text
 TEXT = """array => {
     const bytes = new Uint8Array(array.buffer, array.byteOffset, array.byteLength); let out = "";
@@ -219,7 +223,10 @@ def test_every_mission_of_the_shipped_worlds_flies_in_a_page(ready, monkeypatch,
     mission, controller, starts, logs = run_of(*words)
     chosen = flown_in_page(PlayedRun("", "", mission, controller, starts))
     assert isinstance(chosen, FlownCases), chosen
-    assert_flown(ready(*words), logs, chosen.rows or range(len(logs)))
+    page = ready(*words)
+    assert_flown(page, logs, chosen.rows or range(len(logs)))
+    if any(log.force_hill_n.any() for log in logs[3:4]):
+        assert_told(page, mission, controller, starts, logs, 3)
 
 
 def assert_flown(page, logs, rows):
@@ -257,6 +264,55 @@ def test_reasons_and_rules_are_the_products(ready, words):
                 assert named.partition(": ")[2] == text
                 num_named += 1
     assert num_named > 20
+
+
+#: what pushes between two decisions, or along other axes than those along which rules ask
+TOLD = (
+    ("champion_27", "safety=filter", "deputy.max_distance_m=70"),
+    ("champion_27", "navigation=fixes", "actuators=real", "safety=robust"),
+    ("champion_27", "actuators=real", "actuators.delay_s=20"),
+    ("champion_27_parked",),
+    ("lqr", "actuators=real"),
+    ("paper",),
+    ("paper_champion", "actuators=real", "actuators.delay_s=10", "safety=filter"),
+)
+
+
+@pytest.mark.parametrize("words", TOLD, ids="-".join)
+def test_a_page_tells_of_each_push_and_of_no_other(ready, words):
+    assert_told(ready(*words), *run_of(*words), 3)
+
+
+def assert_told(page, mission, controller, starts, logs, row):
+    """Fail where the open flight's words contradict what the product logged of a row."""
+    log = until_end(mission, logs[row])
+    forces = np.where(np.abs(log.force_hill_n) < SILENT_N, 0.0, log.force_hill_n)
+    rows = page.evaluate(
+        "() => Array.from({ length: player.sides[0].flight.numSamples - 1 }, (_, k) =>"
+        " player.sides[0].flight.reasons(k))"
+    )
+    assert len(rows) == len(forces)
+    for k, (force, told) in enumerate(zip(forces, rows, strict=True)):
+        words = [NAMES[code] for code in log.reason[k]]
+        said = {each["detail"] for each in told}
+        if force.any():
+            assert len(told) == np.count_nonzero(force), (k, told)
+            assert all(each["text"].startswith("Push ") for each in told), (k, told)
+            assert said.isdisjoint(capital(REASONS[name]) for name in NOT_FIRED), (k, told)
+        elif told[0]["text"] == "No push.":
+            (text,) = said
+            assert text in {capital(REASONS[name]) for name in words}, (k, told, words)
+            assert text != capital(REASONS["silent"]) or set(words) == {"silent"}, (k, words)
+        else:  # of the last decision
+            assert told[0]["text"].startswith("At "), (k, told)
+    buttons = page.locator("#player .bouts button").all_inner_texts()
+    more = [re.search(r" and (\d+) more until ", text) for text in buttons]
+    assert sum(int(match[1]) + 1 if match else 1 for match in more) == np.sum(forces.any(axis=1))
+    assert buttons
+
+
+def capital(text):
+    return f"{text[:1].upper()}{text[1:]}."
 
 
 def test_presses_and_keys_open_cases(ready):
