@@ -1,5 +1,5 @@
 // A flight as the product flew it, from the arrays of a page, see pipeline/report/scene.py.
-import { ENDED, cross, plus, pushText, scaled } from "./view.js";
+import { cross, endedBefore, plus, pushText, scaled } from "./view.js";
 
 const ROUNDED_N = 1e-12; // what turning axes leaves of a force along one that has none
 
@@ -27,10 +27,15 @@ function turned([x, y, z, w], vector, sign) {
   return plus(plus(vector, scaled(side, w)), cross(axis, side));
 }
 
-/** Where points at the start are at a sample, by the attitudes of a chief that turns. */
-export function turnedPoints(points, attitude, k) {
+/**
+ * Of a chief that turns, by its attitudes: where points at the start are at a sample, and where a direction of that sample
+ * would have been at the start for whoever turns with it.
+ */
+export function onChief(points, attitude) {
+  if (!attitude.length) return { pointsAt: null };
   const quaternion = at => Array.from({ length: 4 }, (_, i) => attitude[4 * at + i]);
-  return points.map(point => turned(quaternion(k), turned(quaternion(0), point, 1), -1));
+  const between = (from, to, vector) => turned(quaternion(to), turned(quaternion(from), vector, 1), -1);
+  return { pointsAt: k => points.map(point => between(0, k, point)), atStart: (k, vector) => between(k, 0, vector) };
 }
 
 /** Where free motion leads from a state over an orbit, by the matrices of a page. */
@@ -51,10 +56,11 @@ export function recordedFlight(table) {
   const numSamples = arrays.spent.length, last = numSamples - 2;
   const force = k => fired(three(arrays.force, k));
   const held = Array.from({ length: table.numPoints }, (_, j) => three(arrays.points, j));
-  const reasons = k => (k > last ? ENDED : reasonsOf(table, k, force(k)));
+  const coast = k => (arrays.coast.length ? coasted(arrays.coast, [...three(arrays.position, k), ...three(arrays.velocity, k)]) : null);
+  const reasons = k => (k > last ? endedBefore(coast(k)) : reasonsOf(table, k, force(k)));
   return {
     numSamples, periodS: table.periodS, radius: table.radius, limits: table.limits, isSphere: table.isSphere, points: held,
-    pointsAt: arrays.attitude.length ? k => turnedPoints(held, arrays.attitude, k) : null,
+    ...onChief(held, arrays.attitude),
     position: k => three(arrays.position, k),
     force: k => (k <= last ? force(k) : [0, 0, 0]),
     numSeen: k => held.filter((_, j) => bit(isSeen, k * table.numPoints + j)).length,
@@ -65,10 +71,7 @@ export function recordedFlight(table) {
     spent: k => arrays.spent[k],
     isSeen: (k, j) => bit(isSeen, k * table.numPoints + j),
     isLit: (k, j) => bit(isLitThen, k * table.numPoints + j),
-    coast(k) {
-      if (!arrays.coast.length) return null;
-      return coasted(arrays.coast, [...three(arrays.position, k), ...three(arrays.velocity, k)]);
-    },
+    coast,
     why: k => whyOf(reasons(k)),
     reasons,
   };

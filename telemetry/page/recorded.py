@@ -119,7 +119,7 @@ def table_of(recording: Recording) -> tuple[dict[str, Any], dict[str, Any]]:
             "give a recording that says where the deputy is"
         )
     state = recording[topics.DEPUTY_STATE]
-    times = _times(state)
+    times = _times(state, recording.end_s)
     position = _at(state, "position_m", times)
     points, attitude, is_seen, is_lit = _points(recording, times)
     episode = recording.episode
@@ -153,9 +153,10 @@ def table_of(recording: Recording) -> tuple[dict[str, Any], dict[str, Any]]:
     return flight, samples
 
 
-def _times(state: TopicColumns) -> Floats:
-    """Return evenly spaced times of samples, s."""
-    first, last = float(state.time_s[0]), float(state.time_s[-1])
+def _times(state: TopicColumns, end_s: float) -> Floats:
+    """Return evenly spaced times of samples, s, up to where a flight towards a goal ends."""
+    first = float(state.time_s[0])
+    last = max(min(float(state.time_s[-1]), end_s), float(state.time_s[1]))
     gaps = np.diff(state.time_s)
     usual = float(np.median(gaps[gaps > 0.0])) if np.any(gaps > 0.0) else 0.0
     if usual <= 0.0:

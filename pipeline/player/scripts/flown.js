@@ -34,7 +34,7 @@ function flownFlight(shared, log, reasons, last = shared.numSamples - 1) {
     ...shared,
     numSamples: last + 1,
     numCounted: log.counted.subarray(0, numPoints).reduce((sum, counts) => sum + counts, 0),
-    pointsAt: shared.attitude.length ? k => turnedPoints(shared.points, shared.attitude, k) : null,
+    ...onChief(shared.points, shared.attitude),
     position: k => three(log.position, k),
     velocity: k => three(log.velocity, k),
     force: k => (k < last ? fired(three(log.force, k)) : [0, 0, 0]),
@@ -57,7 +57,7 @@ function flownFlight(shared, log, reasons, last = shared.numSamples - 1) {
     coast: k => (shared.freeMotion.length ? coasted(shared.freeMotion, [...three(log.position, k), ...three(log.velocity, k)]) : null),
     reason: (k, axis) => reasonAt(flight, k, axis),
     why: k => (table ? whyOf(flight.reasons(k)) : shared.pushed(flight, k, pushedAxes(flight.force(k))[0])),
-    reasons: k => (table ? (k < last ? reasonsOf(table, k, flight.force(k)) : ENDED) : told(flight, k, shared.words, (decided, axis) => shared.pushed(flight, decided, axis))),
+    reasons: k => (table ? (k < last ? reasonsOf(table, k, flight.force(k)) : endedBefore(flight.coast(k))) : told(flight, k, shared.words, (decided, axis) => shared.pushed(flight, decided, axis))),
   };
   return flight;
 }

@@ -15,6 +15,15 @@ function namedRule(systems, quadrature) {
   };
 }
 
+/** Which points face the Sun at a sample, wherever a chief that turns has them then. */
+function litBy(flight) {
+  let last = null, points = flight.points;
+  return (k, j) => {
+    if (flight.pointsAt && k !== last) points = flight.pointsAt(last = k);
+    return facesSun(points[j], flight.sun(k));
+  };
+}
+
 class Side {
   /**
    * `run` is one of a page's, `root` the element that shows it, `letter` its name beside others or nothing, `fleet`
@@ -74,7 +83,7 @@ class Side {
       return { ...recordedFlight({ ...shared, ...recorded, coast: shared.freeMotion }), seenBy, of: this.shared.of };
     }
     const flight = flownFlight(this.shared, await this.ask(this.caseOf(row)), this.run.reasons[row], this.ends?.[row]);
-    if (this.run.flight.isPlain) flight.isLit = (k, j) => facesSun(flight.points[j], flight.sun(k));
+    if (this.run.flight.isPlain) flight.isLit = litBy(flight);
     else flight.tellsLight = false;
     return flight;
   }
@@ -141,6 +150,8 @@ class Side {
       boutsList(this.part("events"), flight, to),
       ...this.showNow.map(show => k => show(flight, k)),
     ];
+    const uninspected = flight.tellsLight === false ? [["dark", "not inspected"]] : [["lit", "lit"], ["dark", "dark"]];
+    this.part("key").replaceChildren(...[["seen", "inspected"], ...uninspected].flatMap(([name, words]) => [make("i", { class: name }), `${words} `]));
     for (const part of ["map", "progress", "key"]) this.part(part).hidden = !flight.points.length;
     this.part("fuel").hidden = !isSpent;
   }

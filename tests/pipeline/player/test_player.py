@@ -19,6 +19,8 @@ from pipeline.controllers import source
 from pipeline.flight.control.controller import PlanningController
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.goals.reach import until_end
+from pipeline.flight.world.pack import pack_world
+from pipeline.physics.quaternion import dcms_b_from_h
 from pipeline.player import flown
 from pipeline.player.arguments import MODULES, PLAIN
 from pipeline.player.build import FOLDER, functions
@@ -26,6 +28,7 @@ from pipeline.player.flown import FlownCases, flown_in_page, looks_ahead, tells_
 from pipeline.player.memory import Memory, leaves_of, types_of
 from pipeline.player.panel import panel
 from pipeline.player.runs import Carried, CaseColumn, CasePlot, PlayedCases, PlayedPage, PlayedRun
+from pipeline.recording.points import lit_and_seen
 from pipeline.report.case_measures import MEASURES
 from pipeline.report.played import carried_of, player_of_starts
 from pipeline.report.scene import recorded_table
@@ -313,6 +316,50 @@ def assert_told(page, mission, controller, starts, logs, row):
 
 def capital(text):
     return f"{text[:1].upper()}{text[1:]}."
+
+
+#: a chief at rest, and one that turns; light that a page does not work out, without free motion in the last
+LIT = (
+    ("champion_27",),
+    ("champion_27", TURNING),
+    ("champion_27", ELEVATED, "sun=random"),
+    ("champion_leo", "world=leo"),
+)
+#: whether points are lit at a sample, what is drawn of the deputy on their map, and what is said
+SHOWN_OF = """k => {
+    const [side] = player.sides, { flight } = side;
+    player.lead.view.show(k);
+    side.show(k * flight.periodS);
+    return {
+        lit: flight.isLit ? flight.points.map((_, j) => flight.isLit(k, j)) : null,
+        cross: side.part("map").querySelector("path").getAttribute("transform"),
+        map: side.part("map").querySelector("p").textContent, key: side.part("key").textContent,
+        path: Boolean(flight.coast(k)), said: flight.reasons(k).map(({ detail }) => detail).join(" "),
+    };
+}"""
+
+
+@pytest.mark.parametrize("words", LIT, ids="-".join)
+def test_a_page_says_which_points_are_lit_and_what_is_dashed_only_where_it_shows_it(ready, words):
+    mission, _, _, logs = run_of(*words)
+    page, log, world = ready(*words), logs[3], pack_world(mission)
+    is_lit, _ = lit_and_seen(world, log)
+    turns = dcms_b_from_h(log.quaternion_c_from_h)
+    for k in (0, 60, 200, mission.num_controls):
+        shown = page.evaluate(SHOWN_OF, k)
+        assert ("lit" in shown["key"], "Ring: lit" in shown["map"]) == (shown["lit"] is not None,) * 2
+        assert ("dark" in shown["key"]) == (shown["lit"] is not None)
+        if shown["lit"] is not None:
+            sun = np.array([np.cos(log.sun_angle_rad[k]), np.sin(log.sun_angle_rad[k]), 0.0])
+            sample = k if len(world.points) > 1 else 0
+            heights = world.points[sample, :, : world.num_points].T @ sun
+            counts = ~log.is_inspected[k] & (np.abs(heights) > 1e-6)  # grazing light is a matter of rounding
+            assert np.array_equal(np.array(shown["lit"])[counts], is_lit[k][counts])
+        x, y, z = turns[0].T @ turns[k] @ log.position_m[k]
+        longitude, latitude = np.degrees([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))])
+        cross = [float(part) for part in shown["cross"].removeprefix("translate(").rstrip(")").split(",")]
+        np.testing.assert_allclose(cross, [180.0 + longitude, 88.0 * (1.0 - latitude / 90.0)], atol=1e-3)
+        assert ("dashed" in shown["said"]) == (k == mission.num_controls and shown["path"])
 
 
 def test_presses_and_keys_open_cases(ready):

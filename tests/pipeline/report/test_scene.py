@@ -17,6 +17,7 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.goals.reach import until_end
 from pipeline.flight.state.log import REHEARSED
 from pipeline.recording.firing import IN_EFFECT, delay_of
 from pipeline.recording.recorder import FlightRecorder
@@ -127,6 +128,23 @@ def test_a_thinned_page_names_a_rule_only_of_a_push_that_it_has(tmp_path, monkey
         assert not np.any(is_rule[:-1] & (forces[:-1] == 0.0))
     assert np.array_equal(named[3], named[1][::3])
     assert named[3].any()
+
+
+def test_a_page_of_a_recording_ends_where_a_flight_to_a_goal_does(tmp_path):
+    job = compose_experiment(["+experiment=fly", "problem=docking", "controller=champion_docking"])
+    mission = job.experiment.mission
+    controller = source.named("champion_docking", mission)
+    start = start_shown(job.experiment)[1]
+    log = fly_logged(mission, controller, start)
+    FlightRecorder(job.experiment, controller, job.config).record(tmp_path / "a.mcap", start, log, "start")
+    recording = telemetry.read(tmp_path / "a.mcap")
+    flight, table = recorded.table_of(recording)
+    ended_log = until_end(mission, log)
+    assert len(ended_log.delta_v_m_s) < len(log.delta_v_m_s)
+    assert flight["numSamples"] == len(ended_log.delta_v_m_s)
+    assert recording.end_s == (flight["numSamples"] - 1) * mission.control_period_s
+    assert np.array_equal(floats(table["position"]), ended_log.position_m.astype(np.float32).ravel())
+    assert floats(table["spent"])[-1] == np.float32(ended_log.delta_v_m_s[-1])
 
 
 #: thrusters that fire as they are told, and others
