@@ -16,6 +16,7 @@ from fis_tools.formats import serialize
 from fis_tools.render.theme import contrast
 from fis_tools.review import page as review
 from fis_tools.words.text import summary
+from pipeline.command_line.config import compose_experiment
 from pipeline.evaluation.monte_carlo import fly_cases, summarise
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.report.contents import command_of, gather, read_evaluation, tracks_of
@@ -28,6 +29,7 @@ from pipeline.run.writing import write_json
 from pipeline.scenarios import training_scenarios
 from tests.browser import assert_tables_fit
 from tests.pipeline.report.runs import HOSTILE, SECTIONS, page_of, run_of, small_controller, write_training
+from tests.pipeline.stages.cases import carried_out
 from tests.policies import Page, check_policy, check_references
 
 #: with limits that some of the flights keep and others do not
@@ -239,6 +241,25 @@ def test_an_evaluated_controller_shows_its_median_flight(tmp_path):
     write_json(tmp_path / artifacts.SUMMARY, summary)
     with pytest.raises(ArtifactError, match=r"dispersions what it should .* repeat the stage evaluate"):
         page_of(experiment, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("words", "spent"),
+    [
+        (("controller=champion_27",), "spends {:.3f} m/s and inspects"),
+        (("controller=champion_docking", "problem=docking"), "and spend {:.3f} m/s"),
+        (("controller=champion_27", "fleet.deputies=2"), "spends {:.3f} m/s in total and inspects"),
+    ],
+    ids=lambda words: words[-1] if isinstance(words, tuple) else "",
+)
+def test_an_evaluation_of_a_single_case_has_no_spread(tmp_path, words, spent):
+    overrides = "+experiment=evaluate", "monte_carlo.num_cases=1", "duration_s=600", *words
+    experiment = carried_out(compose_experiment(list(overrides)), tmp_path, "scenario", "evaluate").experiment
+    text = "".join(data for _, data in Page(page_of(experiment, tmp_path)).texts)
+    fuel = artifacts.read_json(tmp_path, artifacts.SUMMARY)["delta_v_m_s"]
+    assert (fuel["standard_deviation"], fuel["low"], fuel["high"]) == (None, None, None)
+    assert spent.format(fuel["mean"]) in " ".join(text.split())
 
 
 @pytest.mark.slow
