@@ -90,7 +90,7 @@ def _about(recording: Recording, flight: dict[str, Any], file: Path) -> str:
     """Return what was recorded, and what was not, in words."""
     minutes = (flight["numSamples"] - 1) * flight["periodS"] / 60.0
     absent = {
-        "points of the chief": not flight["numPoints"],
+        "points of the chief": not flight["numPoints"] and recording.episode.end_s is None,
         "forces": not _rows(recording, topics.DEPUTY_CONTROL),
         "where the Sun is, or what was spent": not _rows(recording, topics.MISSION),
     }
@@ -181,7 +181,8 @@ def _sun(mission: TopicColumns, times: Floats) -> Floats:
 def _points(recording: Recording, times: Floats) -> tuple[Floats, Floats, Booleans, Booleans]:
     """Return the points at the start, Hill axes, the chief's attitude, and which are seen and lit."""
     cloud = recording.topics.get(topics.CHIEF_POINTS)
-    if not cloud or not len(cloud):
+    # a flight towards a goal inspects nothing
+    if not cloud or not len(cloud) or recording.episode.end_s is not None:
         nothing = np.zeros((len(times), 0), dtype=np.bool_)
         return np.zeros((0, 3)), np.zeros((0, 4)), nothing, nothing
     state = _at(cloud, "state", times)

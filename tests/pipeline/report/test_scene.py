@@ -142,6 +142,8 @@ def test_a_page_of_a_recording_ends_where_a_flight_to_a_goal_does(tmp_path):
     ended_log = until_end(mission, log)
     assert len(ended_log.delta_v_m_s) < len(log.delta_v_m_s)
     assert flight["numSamples"] == len(ended_log.delta_v_m_s)
+    assert flight["numPoints"] == 0
+    assert "It does not tell" not in recorded._about(recording, flight, tmp_path / "a.mcap")
     assert recording.end_s == (flight["numSamples"] - 1) * mission.control_period_s
     assert np.array_equal(floats(table["position"]), ended_log.position_m.astype(np.float32).ravel())
     assert floats(table["spent"])[-1] == np.float32(ended_log.delta_v_m_s[-1])
