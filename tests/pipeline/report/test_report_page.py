@@ -12,6 +12,7 @@ import pytest
 import yaml
 from matplotlib.image import imread
 
+import telemetry
 from fis_tools.formats import serialize
 from fis_tools.render.theme import contrast
 from fis_tools.review import page as review
@@ -27,9 +28,11 @@ from pipeline.run import artifacts, manifests, tables
 from pipeline.run.artifacts import ArtifactError
 from pipeline.run.writing import write_json
 from pipeline.scenarios import training_scenarios
+from telemetry.file.topics import fis_topic
 from tests.browser import assert_tables_fit
 from tests.pipeline.report.runs import HOSTILE, SECTIONS, page_of, run_of, small_controller, write_training
 from tests.pipeline.stages.cases import carried_out
+from tests.places import PROJECT
 from tests.policies import Page, check_policy, check_references
 
 #: with limits that some of the flights keep and others do not
@@ -142,6 +145,26 @@ def test_the_review_is_along_the_recorded_flights_and_goes_with_its_controller(t
     (tmp_path / artifacts.CONTROLLER).unlink()
     run_of(tmp_path, ("report",), "+experiment=fly", "controller=coast")
     assert not path.exists()
+
+
+@pytest.mark.slow
+def test_a_review_says_where_it_counts_but_what_was_fired(tmp_path):
+    run_of(tmp_path, ("record",), "+experiment=fly", "controller=champion_27")
+    (path,) = (tmp_path / artifacts.RECORDINGS).iterdir()
+    recording = telemetry.read(path)
+    made, fired = (
+        max(map(count, recording.fis_names))
+        for count in (
+            lambda name: len(recording[fis_topic(name)]),
+            lambda name: len(recording.fired(name)[0]),
+        )
+    )
+    assert fired < made
+    controller = serialize.load(PROJECT / "conf" / "controller" / "champion_27.yaml")
+    text, of_all = (review.write(controller, [path], all_periods=each) for each in (False, True))
+    assert f"({fired} inferences whose force was fired, of {made})" in text
+    assert f"({made} inferences)" in of_all
+    assert ("met where fired" in text, "met where fired" in of_all) == (True, False)
 
 
 def test_text_stands_out_from_the_page_in_light_and_dark():
