@@ -39,11 +39,11 @@ def recorded_table(log: FlightLog, controller: Controller, mission: Mission) -> 
 def told_reasons(log: FlightLog, controller: Controller, mission: Mission) -> dict[str, Any]:
     """Return why a flight fired what it fired: texts, and for each control period those of each axis.
 
-    The text ``silent`` says that nothing was asked for.
+    Where nothing was fired, those of ``toldLast`` say less than others: what was given was not fired yet.
     """
     log = until_end(mission, log)
     texts, of_sample = _reasons(mission, log, controller)
-    return {"texts": texts, "reasons": of_sample, "silent": SILENT}
+    return {"texts": texts, "reasons": of_sample, "toldLast": [REHEARSED, PARKED, SILENT]}
 
 
 def flight_table(log: FlightLog, mission: Mission) -> dict[str, Any]:

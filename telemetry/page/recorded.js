@@ -7,15 +7,16 @@ const ROUNDED_N = 1e-12; // what turning axes leaves of a force along one that h
 export const fired = force => force.map(part => (Math.abs(part) < ROUNDED_N ? 0 : part));
 
 /**
- * What was fired at a sample, and why, from a table's texts and the indices of those of each axis; the text `silent` says
- * that nothing was asked for, which is true of a sample only where it is true of all axes.
+ * What was fired at a sample, and why, from a table's texts and the indices of those of each axis. Where nothing was
+ * fired the reasons `toldLast` count only where no axis has another: that nothing was asked for is true of a sample where
+ * it is true of all axes.
  */
-export function reasonsOf({ texts: all, reasons, silent }, k, force) {
+export function reasonsOf({ texts: all, reasons, toldLast = [] }, k, force) {
   const texts = reasons[k].map(index => all[index]);
   const rows = force.flatMap((part, axis) => part ? [{ size: Math.abs(part), text: pushText(axis, part), detail: texts[axis] }] : []);
   rows.sort((a, b) => b.size - a.size);
   rows.forEach((row, at) => { if (row.detail === rows[at + 1]?.detail) row.detail = ""; }); // said once
-  return rows.length ? rows : [{ text: "No push.", detail: all[reasons[k].find(index => index !== silent) ?? silent] }];
+  return rows.length ? rows : [{ text: "No push.", detail: all[[...reasons[k]].sort((a, b) => toldLast.indexOf(a) - toldLast.indexOf(b))[0]] }];
 }
 
 /** Why the strongest push of a sample came: what is said once of several stands at the last of them. */

@@ -31,7 +31,11 @@ BODY = "body"
 #: before their reasons
 ALONG_DEPUTY = "Along the deputy's axes: "
 UNKNOWN = "The recording does not say why."
-FIRED, SILENT = (reason.name.lower() for reason in (topics.Reason.FIRED, topics.Reason.SILENT))
+FIRED = topics.Reason.FIRED.name.lower()
+#: where nothing was fired, these say less than others, which are told before them
+TOLD_LAST = [
+    reason.name.lower() for reason in (topics.Reason.REHEARSED, topics.Reason.PARKED, topics.Reason.SILENT)
+]
 #: what turning axes leaves of a force along one that has none
 ROUNDED_N = 1e-12
 
@@ -213,15 +217,15 @@ def _reasons(recording: Recording, times: Floats) -> dict[str, Any]:
     control = recording.topics.get(topics.DEPUTY_CONTROL)
     texts: list[str] = [UNKNOWN]
     if not control or not len(control):
-        return {"texts": texts, "reasons": [[0, 0, 0]] * len(times), "silent": -1}
+        return {"texts": texts, "reasons": [[0, 0, 0]] * len(times), "toldLast": []}
     indices = np.zeros((len(control), 3), dtype=np.int64)
-    silent = -1
+    told_last: list[int] = []
     if control["reason"].shape[1]:
         words = np.unique(control["reason"])
         known = {str(word): len(texts) + index for index, word in enumerate(words)}
         texts += [f"{str(word).replace('_', ' ').capitalize()}." for word in words]
         indices = np.vectorize(known.get, otypes=[np.int64])(control["reason"].astype(str))
-        silent = known.get(SILENT, silent)
+        told_last = [known[word] for word in TOLD_LAST if word in known]
     rules, sizes = np.full(indices.shape, -1), np.zeros(indices.shape)
     for name in recording.fis_names:
         _name_rules(recording, name, texts, rules, sizes)
@@ -236,7 +240,7 @@ def _reasons(recording: Recording, times: Floats) -> dict[str, Any]:
         texts = [f"{ALONG_DEPUTY}{text}" if text.startswith("Rule ") else text for text in texts]
     indices = np.where(rules >= 0, rules, indices)
     rows = np.clip(np.searchsorted(control.time_s, times + 1e-6, side="right") - 1, 0, None)
-    return {"texts": texts, "reasons": indices[rows].tolist(), "silent": silent}
+    return {"texts": texts, "reasons": indices[rows].tolist(), "toldLast": told_last}
 
 
 def along_hill(rules: Integers, sizes: Floats, are_pushes: Booleans) -> Integers:

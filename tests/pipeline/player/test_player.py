@@ -85,6 +85,7 @@ COURSES = (
 #: reasons by their indices in logs, and those of what was not fired
 NAMES = list(REASONS)
 NOT_FIRED = [name for name, text in REASONS.items() if re.search(r"not fired|or fired|yet to fire", text)]
+GIVEN = [f"{REASONS[name][:1].upper()}{REASONS[name][1:]}." for name in ("rehearsed", "parked")]
 #: bytes of an array as text
 TEXT = """array => {
     const bytes = new Uint8Array(array.buffer, array.byteOffset, array.byteLength); let out = "";
@@ -275,6 +276,7 @@ TOLD = (
     ("champion_27", "navigation=fixes", "actuators=real", "safety=robust"),
     ("champion_27", "actuators=real", "actuators.delay_s=20"),
     ("champion_27_parked",),
+    ("champion_27_parking", "actuators=real", "actuators.delay_s=10"),
     ("lqr", "actuators=real"),
     ("paper",),
     ("paper_champion", "actuators=real", "actuators.delay_s=10", "safety=filter"),
@@ -305,7 +307,9 @@ def assert_told(page, mission, controller, starts, logs, row):
         elif told[0]["text"] == "No push.":
             (text,) = said
             assert text in {capital(REASONS[name]) for name in words}, (k, told, words)
+            # what was given is not said of what was not fired yet
             assert text != capital(REASONS["silent"]) or set(words) == {"silent"}, (k, words)
+            assert text not in GIVEN or set(words) <= {"rehearsed", "parked", "silent"}, (k, words)
         else:  # of the last decision
             assert told[0]["text"].startswith("At "), (k, told)
     buttons = page.locator("#player .bouts button").all_inner_texts()
