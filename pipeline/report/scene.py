@@ -24,6 +24,8 @@ from telemetry.page import recorded
 HILL = "hill"
 #: reasons of what was fired, but not as inference asked for
 NOT_AS_ASKED = SAFETY, REHEARSED, PARKED
+#: where nothing was fired, these say less than others
+TOLD_LAST = REHEARSED, PARKED, SILENT
 
 
 def recorded_table(log: FlightLog, controller: Controller, mission: Mission) -> dict[str, Any]:
@@ -37,13 +39,10 @@ def recorded_table(log: FlightLog, controller: Controller, mission: Mission) -> 
 
 
 def told_reasons(log: FlightLog, controller: Controller, mission: Mission) -> dict[str, Any]:
-    """Return why a flight fired what it fired: texts, and for each control period those of each axis.
-
-    Where nothing was fired, those of ``toldLast`` say less than others: what was given was not fired yet.
-    """
+    """Return why a flight fired what it fired: texts, and for each control period those of each axis."""
     log = until_end(mission, log)
     texts, of_sample = _reasons(mission, log, controller)
-    return {"texts": texts, "reasons": of_sample, "toldLast": [REHEARSED, PARKED, SILENT]}
+    return {"texts": texts, "reasons": of_sample}
 
 
 def flight_table(log: FlightLog, mission: Mission) -> dict[str, Any]:
@@ -85,7 +84,7 @@ def _reasons(mission: Mission, log: FlightLog, controller: Controller) -> tuple[
     words = list(REASONS.values())
     texts = [text[:1].upper() + text[1:] + "." for text in words]
     indices = np.array(log.reason)
-    are_pushes = np.abs(log.force_hill_n) >= SILENT_N
+    are_pushes: Booleans = np.abs(log.force_hill_n) >= SILENT_N
     # of ideal thrusters, reasons of forces along the controller's axes, of which others were fired
     indices[are_pushes & np.isin(log.reason, (SILENT, DEAD_BAND))] = FIRED
     made = _pushing_rules(log, controller, delay)
@@ -98,7 +97,8 @@ def _reasons(mission: Mission, log: FlightLog, controller: Controller) -> tuple[
         if text not in texts:
             texts.append(text)
         indices[k, axis] = texts.index(text)
-    return texts, indices.tolist()
+    is_idle: Booleans = ~np.any(are_pushes, axis=1, keepdims=True)
+    return texts, recorded.with_a_single_reason(indices, is_idle, TOLD_LAST).tolist()
 
 
 def _pushing_rules(log: FlightLog, controller: Controller, delay: int) -> dict[tuple[int, int], str]:

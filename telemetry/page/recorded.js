@@ -6,17 +6,13 @@ const ROUNDED_N = 1e-12; // what turning axes leaves of a force along one that h
 /** A force without what is but rounding. */
 export const fired = force => force.map(part => (Math.abs(part) < ROUNDED_N ? 0 : part));
 
-/**
- * What was fired at a sample, and why, from a table's texts and the indices of those of each axis. Where nothing was
- * fired the reasons `toldLast` count only where no axis has another: that nothing was asked for is true of a sample where
- * it is true of all axes.
- */
-export function reasonsOf({ texts: all, reasons, toldLast = [] }, k, force) {
+/** What was fired at a sample, and why, from a table's texts and the indices of those of each axis: a single one where nothing was. */
+export function reasonsOf({ texts: all, reasons }, k, force) {
   const texts = reasons[k].map(index => all[index]);
   const rows = force.flatMap((part, axis) => part ? [{ size: Math.abs(part), text: pushText(axis, part), detail: texts[axis] }] : []);
   rows.sort((a, b) => b.size - a.size);
   rows.forEach((row, at) => { if (row.detail === rows[at + 1]?.detail) row.detail = ""; }); // said once
-  return rows.length ? rows : [{ text: "No push.", detail: all[[...reasons[k]].sort((a, b) => toldLast.indexOf(a) - toldLast.indexOf(b))[0]] }];
+  return rows.length ? rows : [{ text: "No push.", detail: texts[0] }];
 }
 
 /** Why the strongest push of a sample came: what is said once of several stands at the last of them. */
@@ -33,16 +29,16 @@ function turned([x, y, z, w], vector, sign) {
  * would have been at the start for whoever turns with it.
  */
 export function onChief(points, attitude) {
-  if (!attitude.length) return { pointsAt: null };
+  if (!attitude.length) return {};
   const quaternion = at => Array.from({ length: 4 }, (_, i) => attitude[4 * at + i]);
   const between = (from, to, vector) => turned(quaternion(to), turned(quaternion(from), vector, 1), -1);
   return { pointsAt: k => points.map(point => between(0, k, point)), atStart: (k, vector) => between(k, 0, vector) };
 }
 
-/** Where free motion leads from a state over an orbit, by the matrices of a page. */
+/** Where free motion leads from a state over an orbit, by the matrices of a page; null without any. */
 export function coasted(rows, state) {
-  return Array.from({ length: rows.length / 18 }, (_, at) => [0, 1, 2].map(axis =>
-    state.reduce((sum, value, column) => sum + rows[18 * at + 6 * axis + column] * value, 0)));
+  return rows.length ? Array.from({ length: rows.length / 18 }, (_, at) => [0, 1, 2].map(axis =>
+    state.reduce((sum, value, column) => sum + rows[18 * at + 6 * axis + column] * value, 0))) : null;
 }
 
 /** Return what FlightView shows. */
@@ -57,7 +53,7 @@ export function recordedFlight(table) {
   const numSamples = arrays.spent.length, last = numSamples - 2;
   const force = k => fired(three(arrays.force, k));
   const held = Array.from({ length: table.numPoints }, (_, j) => three(arrays.points, j));
-  const coast = k => (arrays.coast.length ? coasted(arrays.coast, [...three(arrays.position, k), ...three(arrays.velocity, k)]) : null);
+  const coast = k => coasted(arrays.coast, [...three(arrays.position, k), ...three(arrays.velocity, k)]);
   const reasons = k => (k > last ? endedBefore(coast(k)) : reasonsOf(table, k, force(k)));
   return {
     numSamples, periodS: table.periodS, radius: table.radius, limits: table.limits, isSphere: table.isSphere, points: held,

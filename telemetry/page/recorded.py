@@ -142,6 +142,7 @@ def table_of(recording: Recording) -> tuple[dict[str, Any], dict[str, Any]]:
         "numSystems": 0,
     }
     mission, control = (recording.topics.get(topic) for topic in (topics.MISSION, topics.DEPUTY_CONTROL))
+    texts, reasons = _reasons(recording, times)
     spent = _at(mission, "delta_v_m_s", times) if mission else np.full(len(times), np.nan)
     samples = {
         "attitude": _floats(attitude),
@@ -152,7 +153,8 @@ def table_of(recording: Recording) -> tuple[dict[str, Any], dict[str, Any]]:
         "spent": _floats(spent),
         "isSeen": _bits(is_seen),
         "isLit": _bits(is_lit),
-        **_reasons(recording, times),
+        "texts": texts,
+        "reasons": reasons,
     }
     return flight, samples
 
@@ -209,7 +211,7 @@ def _turned(quaternion: Floats, vectors: Floats) -> Floats:
     return vectors + w * side + np.cross(axis, side)
 
 
-def _reasons(recording: Recording, times: Floats) -> dict[str, Any]:
+def _reasons(recording: Recording, times: Floats) -> tuple[list[str], list[list[int]]]:
     """Return why each component of the force was fired, or nothing was, as texts and their indices.
 
     Where a fuzzy system inferred what was fired, it is the rule with the largest share along it.
@@ -217,7 +219,7 @@ def _reasons(recording: Recording, times: Floats) -> dict[str, Any]:
     control = recording.topics.get(topics.DEPUTY_CONTROL)
     texts: list[str] = [UNKNOWN]
     if not control or not len(control):
-        return {"texts": texts, "reasons": [[0, 0, 0]] * len(times), "toldLast": []}
+        return texts, [[0, 0, 0]] * len(times)
     indices = np.zeros((len(control), 3), dtype=np.int64)
     told_last: list[int] = []
     if control["reason"].shape[1]:
@@ -230,6 +232,7 @@ def _reasons(recording: Recording, times: Floats) -> dict[str, Any]:
     for name in recording.fis_names:
         _name_rules(recording, name, texts, rules, sizes)
     are_pushes = np.abs(control["force_hill_n"]) >= ROUNDED_N
+    is_idle: Booleans = ~np.any(are_pushes, axis=1, keepdims=True)
     if control["reason"].shape[1]:
         # reasons of forces along the deputy's axes, of which others were fired
         is_denied = are_pushes & np.isin(control["reason"], topics.NOT_FIRED)
@@ -239,8 +242,30 @@ def _reasons(recording: Recording, times: Floats) -> dict[str, Any]:
         rules = along_hill(rules, sizes, are_pushes)
         texts = [f"{ALONG_DEPUTY}{text}" if text.startswith("Rule ") else text for text in texts]
     indices = np.where(rules >= 0, rules, indices)
+    indices = with_a_single_reason(indices, is_idle, told_last)
     rows = np.clip(np.searchsorted(control.time_s, times + 1e-6, side="right") - 1, 0, None)
-    return {"texts": texts, "reasons": indices[rows].tolist(), "toldLast": told_last}
+    return texts, indices[rows].tolist()
+
+
+def with_a_single_reason(indices: Integers, is_idle: Booleans, told_last: Sequence[int]) -> Integers:
+    """Return reasons, where nothing was fired the first alone that says most.
+
+    That nothing was asked for is true of a sample only where it is true of all axes, and what was planned is
+    not told of what was not fired.
+
+    Parameters
+    ----------
+    indices : (n, 3) int
+        Of the reasons.
+    is_idle : (n, 1) bool
+        Where nothing was fired.
+    told_last : sequence of int
+        Reasons that say less than others, each less than the one before.
+    """
+    ranks = np.zeros(max(int(indices.max(initial=0)), *told_last, 0) + 1)
+    ranks[list(told_last)] = np.arange(1, len(told_last) + 1)
+    first = np.argmin(ranks[indices], axis=1)[:, np.newaxis]
+    return np.where(is_idle, np.take_along_axis(indices, first, axis=1), indices)
 
 
 def along_hill(rules: Integers, sizes: Floats, are_pushes: Booleans) -> Integers:

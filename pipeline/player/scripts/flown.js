@@ -54,7 +54,7 @@ function flownFlight(shared, log, reasons, last = shared.numSamples - 1) {
     isSeen: (k, j) => log.isSeen[k * numPoints + j] > 0,
     spent: k => log.spent[k],
     inputs: (k, system, count) => log.inputs.subarray((k * shared.numSystems + system) * width).slice(0, count),
-    coast: k => (shared.freeMotion.length ? coasted(shared.freeMotion, [...three(log.position, k), ...three(log.velocity, k)]) : null),
+    coast: k => coasted(shared.freeMotion, [...three(log.position, k), ...three(log.velocity, k)]),
     reason: (k, axis) => reasonAt(flight, k, axis),
     why: k => (table ? whyOf(flight.reasons(k)) : shared.pushed(flight, k, pushedAxes(flight.force(k))[0])),
     reasons: k => (table ? (k < last ? reasonsOf(table, k, flight.force(k)) : endedBefore(flight.coast(k))) : told(flight, k, shared.words, (decided, axis) => shared.pushed(flight, decided, axis))),

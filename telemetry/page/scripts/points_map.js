@@ -24,8 +24,8 @@ function pointsMap(box, flight, seenAt, go, fileName) {
   const sun = draw("circle", { r: 6, fill: "var(--lit)", stroke: "var(--card)" });
   drawing.append(deputy, sun, ...[["back", 90], ["up", 180], ["ahead", 270]].map(([word, x]) => draw("text", { x, y: MAP.height + 12, "text-anchor": "middle" }, word)));
   const columns = () => [["point", flight.points.map((_, j) => j)], ["inspected_s", seenAt.map(k => (k === null ? "" : k * flight.periodS))]];
-  const about = `Large: inspected. ${flight.isLit ? "Ring: lit. " : ""}Small: ${flight.isLit ? "dark" : "not yet"}. Cross: the deputy. Press a point to go to when it was inspected.${flight.atStart ? " The chief turns: all is where it would have been at the start." : ""}`;
-  const onMap = (k, vector) => mapped(flight.atStart ? flight.atStart(k, vector) : vector);
+  const about = `Large: inspected. ${flight.isLit ? "Ring: lit. " : ""}Small: ${flight.isLit ? "dark" : "not yet"}. Cross: the deputy. Press a point to go to when it was inspected.${flight.atStart ? " As at the start: the chief turns." : ""}`;
+  const onMap = (k, vector) => mapped(flight.atStart?.(k, vector) ?? vector);
   box.replaceChildren(savingButtons("the points", fileName, () => drawing, columns), make("h4", {}, "The chief's points, unrolled"), drawing, make("p", { class: "small" }, about));
   return k => {
     shapes.forEach((shape, j) => {

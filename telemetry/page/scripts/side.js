@@ -7,7 +7,7 @@ function namedRule(systems, quadrature) {
   return (flight, k, axis) => {
     const index = systems.findIndex(({ axis: driven }) => driven === axis);
     const reason = flight.reason(k, axis);
-    if (index < 0 || (reason !== "fired" && reason !== "clipped")) return `${flight.words[reason][0].toUpperCase()}${flight.words[reason].slice(1)}.`;
+    if (index < 0 || (reason !== "fired" && reason !== "clipped")) return `${capital(flight.words[reason])}.`;
     const system = systems[index], steps = infer(system, Array.from(flight.inputs(k, index, system.inputs.length)));
     const parts = shares(system, 0, steps, quadrature).values, sign = Math.sign(flight.force(k)[axis]);
     const best = parts.reduce((most, part, rule) => (part * sign > parts[most] * sign ? rule : most), 0);
@@ -17,9 +17,9 @@ function namedRule(systems, quadrature) {
 
 /** Which points face the Sun at a sample, wherever a chief that turns has them then. */
 function litBy(flight) {
-  let last = null, points = flight.points;
+  let last, { points } = flight;
   return (k, j) => {
-    if (flight.pointsAt && k !== last) points = flight.pointsAt(last = k);
+    if (k !== last) points = flight.pointsAt?.(last = k) ?? points;
     return facesSun(points[j], flight.sun(k));
   };
 }
@@ -150,8 +150,8 @@ class Side {
       boutsList(this.part("events"), flight, to),
       ...this.showNow.map(show => k => show(flight, k)),
     ];
-    const uninspected = flight.tellsLight === false ? [["dark", "not inspected"]] : [["lit", "lit"], ["dark", "dark"]];
-    this.part("key").replaceChildren(...[["seen", "inspected"], ...uninspected].flatMap(([name, words]) => [make("i", { class: name }), `${words} `]));
+    const key = flight.tellsLight === false ? { dark: "not inspected" } : { lit: "lit", dark: "dark" };
+    this.part("key").replaceChildren(...Object.entries({ seen: "inspected", ...key }).flatMap(([name, words]) => [make("i", { class: name }), `${words} `]));
     for (const part of ["map", "progress", "key"]) this.part(part).hidden = !flight.points.length;
     this.part("fuel").hidden = !isSpent;
   }
