@@ -79,8 +79,11 @@ def _head(variable: Variable, index: int) -> str:
     return f"{term.name}, {shown(variable, peak(variable, term))}"
 
 
-def inputs(controller: FuzzyController, samples: Mapping[str, SensedInputs]) -> Table:
+def inputs(
+    controller: FuzzyController, samples: Mapping[str, SensedInputs], flown: Sequence[Flight] = ()
+) -> Table:
     """Tabulate what each input means, its range, and the values met."""
+    met = "met where fired" if any(flight.num_made is not None for flight in flown) else "met"
     rows = []
     for system in controller.systems:
         some = samples[system.name]
@@ -91,7 +94,7 @@ def inputs(controller: FuzzyController, samples: Mapping[str, SensedInputs]) -> 
                     variable, some.inputs[:, index], is_clipped=isfinite(system.limits_of(variable)[0])
                 )
             rows.append([variable.name, variable.description or "not described", extent(variable), values])
-    return Table(["input", "meaning", "range", "met"], rows)
+    return Table(["input", "meaning", "range", met], rows)
 
 
 def _met(variable: Variable, values: Floats, *, is_clipped: bool) -> str:
@@ -110,6 +113,7 @@ def along(flown: Sequence[Flight], noun: str) -> str:
         return f"No {noun} was given: rules are counted over all inputs alike. {fires}"
     names = ", ".join(
         f"{flight.name} ({flight.num_inferences} inferences"
+        f"{'' if flight.num_made is None else f' whose force was fired, of {flight.num_made}'}"
         f"{'' if flight.is_own else '; flown by another controller'})"
         for flight in flown
     )

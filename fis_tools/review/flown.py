@@ -33,12 +33,16 @@ class Flight:
         Whether the reviewed controller flew it: with systems and attributes as they are now.
     outcome : FlightOutcome, optional
         Of a flight.
+    num_made : int, optional
+        Where inferences are left out since their force was not fired, how many the system made that made the
+        most.
     """
 
     name: str
     flown: Mapping[str, FlownSystem]
     is_own: bool
     outcome: FlightOutcome | None = None
+    num_made: int | None = None
 
     @property
     def num_inferences(self) -> int:
@@ -72,12 +76,18 @@ def read_flights(
     systems = {system.name: system for system in controller.systems}
     flights_read = []
     for name, path in zip(_names(paths), paths, strict=True):
-        read, flew, outcome = flights.read_logged(path, all_periods, controller)
+        read, flew, outcome = flights.read_logged(path, True, controller)
         flights.require_same_inputs(path, (inferences.system for inferences in read), controller)
-        flown = {
+        made = {
             inferences.system.name: inferences for inferences in read if inferences.system.name in systems
         }
-        flights_read.append(Flight(name, flown, flew is None or controller.acts_like(flew), outcome))
+        is_own = flew is None or controller.acts_like(flew)
+        if all_periods or all(inferences.is_counted.all() for inferences in made.values()):
+            flights_read.append(Flight(name, made, is_own, outcome))
+            continue
+        fired = {system: inferences.at(inferences.is_counted) for system, inferences in made.items()}
+        num_made = max(len(inferences.time_s) for inferences in made.values())
+        flights_read.append(Flight(name, fired, is_own, outcome, num_made))
     return flights_read
 
 

@@ -100,7 +100,7 @@ def write(
         Heading("What it does", id="does"),
         *content.rules(controller),
         Heading("Inputs", 3),
-        content.inputs(controller, samples),
+        content.inputs(controller, samples, logged),
         *_wired(controller),
         Heading(title, id="logged"),
         *(Paragraph(flown.failures(evaluation)) for evaluation in evaluated),

@@ -38,6 +38,8 @@ SUMMARY_PARTS: Mapping[str, type] = {
     **dict.fromkeys(("delta_v_m_s", "inspection_rate_percent", "mean_distance_m"), Statistic),
     **dict.fromkeys(("success", "violated", SUCCESS), Fraction),
 }
+#: parts that a single flight has not
+SPREAD = ("standard_deviation", "low", "high")
 
 
 @dataclass(frozen=True)
@@ -255,8 +257,13 @@ def read_summary(folder: Path) -> dict[str, Any]:
     """
     summary = artifacts.read_json(folder, artifacts.SUMMARY)
     of_parts = [f"{part}.{field.name}" for part, kind in SUMMARY_PARTS.items() for field in fields(kind)]
+    of_several = [
+        f"{part}.{name}" for part, kind in SUMMARY_PARTS.items() if kind is Statistic for name in SPREAD
+    ]
     for name in ("num_cases", *of_parts):
         number = value_at(summary, name)
+        if number is None and name in of_several and summary["num_cases"] == 1:
+            continue
         if isinstance(number, bool) or not isinstance(number, int | float):
             raise artifacts.ArtifactError(
                 f"{folder / artifacts.SUMMARY} has no number {name}, so it is no summary of an evaluation; "

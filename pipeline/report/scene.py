@@ -7,21 +7,25 @@ import numpy as np
 
 from fis_tools.analysis import shapley
 from fis_tools.engines.compiler import compile
-from fis_tools.model.thrust import COMPONENTS, REASONS
+from fis_tools.model.thrust import COMPONENTS, REASONS, SILENT_N
 from fis_tools.words.text import sentence
 from pipeline.array_types import Booleans
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.reach import until_end
-from pipeline.flight.state.log import REHEARSED, FlightLog
+from pipeline.flight.state.log import DEAD_BAND, FIRED, PARKED, REHEARSED, SAFETY, SILENT, FlightLog
 from pipeline.flight.world.pack import pack_world
 from pipeline.recording.events import chosen_ahead
-from pipeline.recording.firing import IN_EFFECT, delay_of, is_fired
+from pipeline.recording.firing import delay_of, is_fired
 from pipeline.recording.points import lit_and_seen
 from pipeline.settings.experiment import Mission
 from telemetry.page import recorded
 
 #: what was asked for along these axes is what was fired there
 HILL = "hill"
+#: reasons of what was fired, but not as inference asked for
+NOT_AS_ASKED = SAFETY, REHEARSED, PARKED
+#: where nothing was fired, these say less than others
+TOLD_LAST = REHEARSED, PARKED, SILENT
 
 
 def recorded_table(log: FlightLog, controller: Controller, mission: Mission) -> dict[str, Any]:
@@ -80,6 +84,9 @@ def _reasons(mission: Mission, log: FlightLog, controller: Controller) -> tuple[
     words = list(REASONS.values())
     texts = [text[:1].upper() + text[1:] + "." for text in words]
     indices = np.array(log.reason)
+    are_pushes: Booleans = np.abs(log.force_hill_n) >= SILENT_N
+    # of ideal thrusters, reasons of forces along the controller's axes, of which others were fired
+    indices[are_pushes & np.isin(log.reason, (SILENT, DEAD_BAND))] = FIRED
     made = _pushing_rules(log, controller, delay)
     for event in chosen_ahead(mission, log, controller):
         later = indices[event.sample + delay :] == REHEARSED
@@ -90,34 +97,34 @@ def _reasons(mission: Mission, log: FlightLog, controller: Controller) -> tuple[
         if text not in texts:
             texts.append(text)
         indices[k, axis] = texts.index(text)
-    if controller.systems and controller.force_axes != HILL:
-        leading = recorded.leading_axes(log.force_asked_n, np.isin(log.reason, IN_EFFECT))
-        indices[:] = np.take_along_axis(indices, leading[:, np.newaxis], axis=1)
-    return texts, indices.tolist()
+    is_idle: Booleans = ~np.any(are_pushes, axis=1, keepdims=True)
+    return texts, recorded.with_a_single_reason(indices, is_idle, TOLD_LAST).tolist()
 
 
 def _pushing_rules(log: FlightLog, controller: Controller, delay: int) -> dict[tuple[int, int], str]:
-    """Return the rule with the largest share in each push that was fired as inferred, by period and axis.
-
-    The axes are those of the controller's forces.
-    """
-    along = "" if controller.force_axes == HILL else recorded.ALONG_DEPUTY
-    rules: dict[tuple[int, int], str] = {}
+    """Return the rule with the largest share in each push that was fired as inferred, by period and axis."""
+    is_body = controller.force_axes != HILL
+    rules, sizes = np.full(log.reason.shape, -1), np.zeros(log.reason.shape)
+    texts: list[str] = []
     for index, system in enumerate(controller.systems):
         axis = COMPONENTS.index(system.outputs[0].name)
         samples = np.flatnonzero(log.is_decided)
         samples = samples[is_fired(log, samples, axis, controller.force_axes, delay)]
         # along Hill's axes what was fired, which real thrusters may turn
-        forces = log.force_asked_n[:, axis] if along else np.roll(log.force_hill_n[:, axis], -delay)
+        forces = log.force_asked_n[:, axis] if is_body else np.roll(log.force_hill_n[:, axis], -delay)
         samples = samples[forces[samples] != 0.0]
         if not samples.size:
             continue
         inputs = log.fis_input[samples, index, : len(system.inputs)]
         shares = shapley.shares(compile(system), inputs).values[:, :, 0]
         signs = np.sign(forces[samples])[:, np.newaxis]
-        for k, rule in zip(samples, np.argmax(shares * signs, axis=1), strict=True):
-            rules[int(k) + delay, axis] = f"{along}{sentence(system.rules[rule])}."
-    return rules
+        rules[samples + delay, axis] = len(texts) + np.argmax(shares * signs, axis=1)
+        sizes[samples + delay, axis] = forces[samples]
+        texts += [f"{recorded.ALONG_DEPUTY if is_body else ''}{sentence(rule)}." for rule in system.rules]
+    if is_body:
+        are_pushes = (np.abs(log.force_hill_n) >= SILENT_N) & ~np.isin(log.reason, NOT_AS_ASKED)
+        rules = recorded.along_hill(rules, sizes, are_pushes)
+    return {(k, axis): texts[rules[k, axis]] for k, axis in np.argwhere(rules >= 0).tolist()}
 
 
 def _floats(array: Any) -> str:

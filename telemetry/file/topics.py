@@ -92,6 +92,12 @@ class Reason(IntEnum):
 
 #: what was asked for was commanded or fired, as far as the thruster goes, or may have been
 FIRED: Final = tuple(reason.name.lower() for reason in (Reason.FIRED, Reason.CLIPPED, Reason.UNKNOWN))
+#: what was asked for was not fired, or nothing was
+NOT_FIRED: Final = tuple(reason.name.lower() for reason in (Reason.SILENT, Reason.DEAD_BAND))
+#: something was fired, but not what was asked for by inference
+NOT_AS_ASKED: Final = tuple(
+    reason.name.lower() for reason in (Reason.SAFETY, Reason.REHEARSED, Reason.PARKED)
+)
 
 COLOUR_CHANNELS: Final = ("red", "green", "blue", "alpha")
 #: of each `PointState`; distinguishable by colour-blind readers (after Okabe and Ito)

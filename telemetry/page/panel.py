@@ -25,6 +25,8 @@ SCRIPTS = (*("saving", "plots", "points_map", "dots", "cases_table", "bouts"), *
 WITH_HEADER, LENGTHS = 31, (5, 6, 7, 8)
 #: what lines of comments begin with
 COMMENTS = ("//", "/**", "* ", "*/")
+#: what the frame's key says
+KEY = re.compile(r'(?<=<div class="key">).*?(?=</div>)')
 #: a comment after code, and blanks of a style that say nothing
 AFTER_CODE = re.compile(r"\s+// [^\"'`]*$")
 BLANK = re.compile(r"\s*([{};])\s*")
@@ -51,6 +53,7 @@ def panel(
     # beside a worker's, which has it too, and so shrinks
     code = as_script("\n".join([read("scripts/arrays.js", PACKAGE), *review, *views, *more, *scripts]))
     frame = read("frame.html", PACKAGE).replace(' id="scene"', "")  # there may be several
+    frame = KEY.sub("", frame)  # which the script writes as each flight has it
     body = template("telemetry", "page", "player.html").render(
         frame=Markup(frame),  # noqa: S704 - of this package
         names=names,

@@ -10,7 +10,7 @@ import numpy as np
 
 from plain_files.document import Block, Document, Heading, Paragraph
 from plain_files.document.html import page
-from telemetry.array_types import Booleans, Floats
+from telemetry.array_types import Booleans, Floats, Integers
 from telemetry.file import RecordingError, topics
 from telemetry.file.reader import read
 from telemetry.file.recording import Recording, TopicColumns
@@ -31,6 +31,13 @@ BODY = "body"
 #: before their reasons
 ALONG_DEPUTY = "Along the deputy's axes: "
 UNKNOWN = "The recording does not say why."
+FIRED = topics.Reason.FIRED.name.lower()
+#: where nothing was fired, these say less than others, which are told before them
+TOLD_LAST = [
+    reason.name.lower() for reason in (topics.Reason.REHEARSED, topics.Reason.PARKED, topics.Reason.SILENT)
+]
+#: what turning axes leaves of a force along one that has none
+ROUNDED_N = 1e-12
 
 
 def write(*files: Path) -> str:
@@ -87,7 +94,7 @@ def _about(recording: Recording, flight: dict[str, Any], file: Path) -> str:
     """Return what was recorded, and what was not, in words."""
     minutes = (flight["numSamples"] - 1) * flight["periodS"] / 60.0
     absent = {
-        "points of the chief": not flight["numPoints"],
+        "points of the chief": not flight["numPoints"] and recording.episode.end_s is None,
         "forces": not _rows(recording, topics.DEPUTY_CONTROL),
         "where the Sun is, or what was spent": not _rows(recording, topics.MISSION),
     }
@@ -116,7 +123,7 @@ def table_of(recording: Recording) -> tuple[dict[str, Any], dict[str, Any]]:
             "give a recording that says where the deputy is"
         )
     state = recording[topics.DEPUTY_STATE]
-    times = _times(state)
+    times = _times(state, recording.end_s)
     position = _at(state, "position_m", times)
     points, attitude, is_seen, is_lit = _points(recording, times)
     episode = recording.episode
@@ -152,9 +159,10 @@ def table_of(recording: Recording) -> tuple[dict[str, Any], dict[str, Any]]:
     return flight, samples
 
 
-def _times(state: TopicColumns) -> Floats:
-    """Return evenly spaced times of samples, s."""
-    first, last = float(state.time_s[0]), float(state.time_s[-1])
+def _times(state: TopicColumns, end_s: float) -> Floats:
+    """Return evenly spaced times of samples, s, up to where a flight towards a goal ends."""
+    first = float(state.time_s[0])
+    last = max(min(float(state.time_s[-1]), end_s), float(state.time_s[1]))
     gaps = np.diff(state.time_s)
     usual = float(np.median(gaps[gaps > 0.0])) if np.any(gaps > 0.0) else 0.0
     if usual <= 0.0:
@@ -179,7 +187,8 @@ def _sun(mission: TopicColumns, times: Floats) -> Floats:
 def _points(recording: Recording, times: Floats) -> tuple[Floats, Floats, Booleans, Booleans]:
     """Return the points at the start, Hill axes, the chief's attitude, and which are seen and lit."""
     cloud = recording.topics.get(topics.CHIEF_POINTS)
-    if not cloud or not len(cloud):
+    # a flight towards a goal inspects nothing
+    if not cloud or not len(cloud) or recording.episode.end_s is not None:
         nothing = np.zeros((len(times), 0), dtype=np.bool_)
         return np.zeros((0, 3)), np.zeros((0, 4)), nothing, nothing
     state = _at(cloud, "state", times)
@@ -209,42 +218,77 @@ def _reasons(recording: Recording, times: Floats) -> tuple[list[str], list[list[
     """
     control = recording.topics.get(topics.DEPUTY_CONTROL)
     texts: list[str] = [UNKNOWN]
-    indices = np.zeros((len(times), 3), dtype=np.int64)
     if not control or not len(control):
-        return texts, indices.tolist()
-    rows = np.clip(np.searchsorted(control.time_s, times + 1e-6, side="right") - 1, 0, None)
+        return texts, [[0, 0, 0]] * len(times)
+    indices = np.zeros((len(control), 3), dtype=np.int64)
+    told_last: list[int] = []
     if control["reason"].shape[1]:
         words = np.unique(control["reason"])
         known = {str(word): len(texts) + index for index, word in enumerate(words)}
         texts += [f"{str(word).replace('_', ' ').capitalize()}." for word in words]
-        indices = np.vectorize(known.get, otypes=[np.int64])(control["reason"][rows].astype(str))
+        indices = np.vectorize(known.get, otypes=[np.int64])(control["reason"].astype(str))
+        told_last = [known[word] for word in TOLD_LAST if word in known]
+    rules, sizes = np.full(indices.shape, -1), np.zeros(indices.shape)
     for name in recording.fis_names:
-        _name_rules(recording, name, times, texts, indices)
-    is_body = any(recording.fis_description(name).output_axes == BODY for name in recording.fis_names)
-    if is_body and control["force_asked_n"].shape[1]:
-        are_fired = np.ones(indices.shape, dtype=np.bool_)
-        if control["reason"].shape[1]:
-            are_fired = np.isin(control["reason"][rows], topics.FIRED)
-        leading = leading_axes(_at(control, "force_asked_n", times), are_fired)
-        indices[:] = np.take_along_axis(indices, leading[:, np.newaxis], axis=1)
+        _name_rules(recording, name, texts, rules, sizes)
+    are_pushes = np.abs(control["force_hill_n"]) >= ROUNDED_N
+    is_idle: Booleans = ~np.any(are_pushes, axis=1, keepdims=True)
+    if control["reason"].shape[1]:
+        # reasons of forces along the deputy's axes, of which others were fired
+        is_denied = are_pushes & np.isin(control["reason"], topics.NOT_FIRED)
+        indices[is_denied] = known.get(FIRED, 0)
+        are_pushes &= ~np.isin(control["reason"], topics.NOT_AS_ASKED)
+    if any(recording.fis_description(name).output_axes == BODY for name in recording.fis_names):
+        rules = along_hill(rules, sizes, are_pushes)
         texts = [f"{ALONG_DEPUTY}{text}" if text.startswith("Rule ") else text for text in texts]
-    return texts, indices.tolist()
+    indices = np.where(rules >= 0, rules, indices)
+    indices = with_a_single_reason(indices, is_idle, told_last)
+    rows = np.clip(np.searchsorted(control.time_s, times + 1e-6, side="right") - 1, 0, None)
+    return texts, indices[rows].tolist()
 
 
-def leading_axes(forces: Floats, are_fired: Booleans) -> np.ndarray[Any, np.dtype[np.intp]]:
-    """Return of each row the axis of the largest force that was fired, or where none was of the largest.
+def with_a_single_reason(indices: Integers, is_idle: Booleans, told_last: Sequence[int]) -> Integers:
+    """Return reasons, where nothing was fired the first alone that says most.
 
-    Rules along the deputy's axes have a reason for each of these, and a page shows forces along others: the
-    leading axis's reason is that of all of them.
+    That nothing was asked for is true of a sample only where it is true of all axes, and what was planned is
+    not told of what was not fired.
+
+    Parameters
+    ----------
+    indices : (n, 3) int
+        Of the reasons.
+    is_idle : (n, 1) bool
+        Where nothing was fired.
+    told_last : sequence of int
+        Reasons that say less than others, each less than the one before.
     """
-    counts = are_fired | ~are_fired.any(axis=1, keepdims=True)
-    return np.argmax(np.where(counts, np.abs(forces), -1.0), axis=1)
+    ranks = np.zeros(max(int(indices.max(initial=0)), *told_last, 0) + 1)
+    ranks[list(told_last)] = np.arange(1, len(told_last) + 1)
+    first = np.argmin(ranks[indices], axis=1)[:, np.newaxis]
+    return np.where(is_idle, np.take_along_axis(indices, first, axis=1), indices)
 
 
-def _name_rules(
-    recording: Recording, name: str, times: Floats, texts: list[str], indices: np.ndarray[Any, Any]
-) -> None:
-    """Put the leading rule of each inference of a system that was fired into the texts and their indices."""
+def along_hill(rules: Integers, sizes: Floats, are_pushes: Booleans) -> Integers:
+    """Return the rules of pushes along Hill's axes from those of forces along the deputy's.
+
+    A page shows forces along Hill's axes, of each of which all those along the deputy's are a part: the rule
+    of the largest is told of all.
+
+    Parameters
+    ----------
+    rules : (n, 3) int
+        Of each force that was fired, along the deputy's axes; -1 for none.
+    sizes : (n, 3) float
+        Of these forces, as they were asked for.
+    are_pushes : (n, 3) bool
+        Whether what rules ask for was fired along each of Hill's axes.
+    """
+    leading = np.argmax(np.where(rules >= 0, np.abs(sizes), -1.0), axis=1)
+    return np.where(are_pushes, np.take_along_axis(rules, leading[:, np.newaxis], axis=1), -1)
+
+
+def _name_rules(recording: Recording, name: str, texts: list[str], rules: Integers, sizes: Floats) -> None:
+    """Put the leading rule of each inference that was fired into the texts, and its index and force."""
     description = recording.fis_description(name)
     if description.output_name not in topics.FORCE_COMPONENTS or topics.fis_topic(name) not in recording:
         return
@@ -258,10 +302,11 @@ def _name_rules(
     for rule in Counter(leading.tolist()):
         of_rule[rule] = len(texts)
         texts.append(f"Rule {rule + 1} of {name}: {description.rules[rule]}.")
-    samples = np.searchsorted(times, fired_s - 1e-6)
-    for sample, rule in zip(samples.tolist(), leading.tolist(), strict=True):
-        if sample < len(times):
-            indices[sample, axis] = of_rule[rule]
+    # of the control period in which it was fired, of which a page that is thinned may have no sample
+    rows = np.searchsorted(recording[topics.DEPUTY_CONTROL].time_s, fired_s - 1e-6)
+    is_known = rows < len(rules)
+    rules[rows[is_known], axis] = np.array([of_rule[rule] for rule in leading.tolist()])[is_known]
+    sizes[rows[is_known], axis] = forces[is_known]
 
 
 def _floats(array: Any) -> str:

@@ -17,7 +17,7 @@ const SPEED = 18; // samples a second
  * `flight` has numSamples, periodS, radius, limits, points and, of a sample k, position, velocity, force, sun (a
  * direction, or null where none is told), isSeen(k, point), spent, coast(k) (positions of free motion), and reasons(k) (lists of {text, detail}).
  * `fellows` are deputies of the same fleet, {letter, flight}, whose paths are drawn thin.
- * It may have pointsAt(k) where the chief turns, isLit(k, point) where light is more than facing the Sun (or
+ * It may have pointsAt(k) where the chief turns (and atStart(k, vector), see onChief), isLit(k, point) where light is more than facing the Sun (or
  * tellsLight false where which points are lit is not told), and isSphere false where the chief is none, and before, the positions of another flight from the same start.
  * `touch(kind, direction)`, where given, hears of a start or a Sun that is dragged. A view that follows another, its
  * `lead`, has no time of its own: whoever holds both shows it what the lead shows.
@@ -396,8 +396,8 @@ export class FlightView {
   }
 }
 
-/** What is said where a flight ends. */
-export const ENDED = [{ text: "The flight ends here.", detail: "Nothing is decided any more; the dashed path is free motion." }];
+/** What is said where a flight ends, of which `path` is that of free motion, or null where none is drawn. */
+export const endedBefore = path => [{ text: "The flight ends here.", detail: `Nothing is decided any more${path ? "; the dashed path is free motion" : ""}.` }];
 
 /** Return whether a point of a sphere faces the Sun. */
 export function facesSun(point, sun) {

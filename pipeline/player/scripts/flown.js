@@ -34,10 +34,10 @@ function flownFlight(shared, log, reasons, last = shared.numSamples - 1) {
     ...shared,
     numSamples: last + 1,
     numCounted: log.counted.subarray(0, numPoints).reduce((sum, counts) => sum + counts, 0),
-    pointsAt: shared.attitude.length ? k => turnedPoints(shared.points, shared.attitude, k) : null,
+    ...onChief(shared.points, shared.attitude),
     position: k => three(log.position, k),
     velocity: k => three(log.velocity, k),
-    force: k => (k < last ? three(log.force, k) : [0, 0, 0]),
+    force: k => (k < last ? fired(three(log.force, k)) : [0, 0, 0]),
     asked: k => three(log.asked, k),
     change: k => three(log.change, k),
     isDecided: k => k < last && log.isDecided[k] > 0,
@@ -54,10 +54,10 @@ function flownFlight(shared, log, reasons, last = shared.numSamples - 1) {
     isSeen: (k, j) => log.isSeen[k * numPoints + j] > 0,
     spent: k => log.spent[k],
     inputs: (k, system, count) => log.inputs.subarray((k * shared.numSystems + system) * width).slice(0, count),
-    coast: k => (shared.freeMotion.length ? coasted(shared.freeMotion, [...three(log.position, k), ...three(log.velocity, k)]) : null),
+    coast: k => coasted(shared.freeMotion, [...three(log.position, k), ...three(log.velocity, k)]),
     reason: (k, axis) => reasonAt(flight, k, axis),
     why: k => (table ? whyOf(flight.reasons(k)) : shared.pushed(flight, k, pushedAxes(flight.force(k))[0])),
-    reasons: k => (table ? (k < last ? reasonsOf(table, k, flight.force(k)) : ENDED) : told(flight, k, shared.words, (decided, axis) => shared.pushed(flight, decided, axis))),
+    reasons: k => (table ? (k < last ? reasonsOf(table, k, flight.force(k)) : endedBefore(flight.coast(k))) : told(flight, k, shared.words, (decided, axis) => shared.pushed(flight, decided, axis))),
   };
   return flight;
 }

@@ -30,11 +30,12 @@ export const pushedAxes = force => [0, 1, 2].filter(axis => force[axis]).sort((a
 /**
  * What the deputy does at a sample, as a list of {text, detail}; `pushed(k, axis)` says why a push came.
  *
- * `flight` also has numSamples, periodS and reason(k, axis); `words` are the product's for each reason.
+ * `flight` also has numSamples, periodS, coast(k) and reason(k, axis); `words` are the product's for each reason.
  */
 export function told(flight, k, words, pushed) {
-  if (k >= flight.numSamples - 1) return ENDED;
-  const decision = k - k % flight.stride, force = flight.force(decision), at = clockWords(decision * flight.periodS);
+  if (k >= flight.numSamples - 1) return endedBefore(flight.coast(k));
+  // between two decisions a safety layer may push
+  const decision = flight.force(k).some(Boolean) ? k : k - k % flight.stride, force = flight.force(decision), at = clockWords(decision * flight.periodS);
   const rows = pushedAxes(force).map(axis => ({ text: pushText(axis, force[axis]), detail: pushed(decision, axis), axis }));
   rows.forEach((row, place) => { if (row.detail === rows[place + 1]?.detail) row.detail = ""; });
   if (!rows.length) {

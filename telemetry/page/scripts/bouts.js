@@ -1,9 +1,11 @@
 // What happened in a flight, bout by bout of a rule, as a list that follows the time.
 
-/** The bouts of a flight: {first, last, count, why, rows}, as its `why` and `reasons` give them; decisions in a row by one rule are one. */
+/** The bouts of a flight: {first, last, count, why, rows}, as its `why` and `reasons` give them; decisions in a row by one rule are one.
+ *
+ * Between two decisions a safety layer may push, what was planned, or thrusters that fire late. */
 function boutsOf(flight) {
   const bouts = [];
-  for (let k = 0; k < flight.numSamples - 1; k += flight.stride) {
+  for (let k = 0; k < flight.numSamples - 1; k++) {
     if (!flight.force(k).some(Boolean)) continue;
     const why = flight.why(k), before = bouts.at(-1);
     if (before?.why === why && k - before.last <= 2 * flight.stride) Object.assign(before, { last: k, count: before.count + 1 });

@@ -24,7 +24,8 @@ function pointsMap(box, flight, seenAt, go, fileName) {
   const sun = draw("circle", { r: 6, fill: "var(--lit)", stroke: "var(--card)" });
   drawing.append(deputy, sun, ...[["back", 90], ["up", 180], ["ahead", 270]].map(([word, x]) => draw("text", { x, y: MAP.height + 12, "text-anchor": "middle" }, word)));
   const columns = () => [["point", flight.points.map((_, j) => j)], ["inspected_s", seenAt.map(k => (k === null ? "" : k * flight.periodS))]];
-  const about = `Large: inspected. ${flight.isLit ? "Ring: lit. " : ""}Small: ${flight.isLit ? "dark" : "not yet"}. Cross: the deputy. Press a point to go to when it was inspected.`;
+  const about = `Large: inspected. ${flight.isLit ? "Ring: lit. " : ""}Small: ${flight.isLit ? "dark" : "not yet"}. Cross: the deputy. Press a point to go to when it was inspected.${flight.atStart ? " As at the start: the chief turns." : ""}`;
+  const onMap = (k, vector) => mapped(flight.atStart?.(k, vector) ?? vector);
   box.replaceChildren(savingButtons("the points", fileName, () => drawing, columns), make("h4", {}, "The chief's points, unrolled"), drawing, make("p", { class: "small" }, about));
   return k => {
     shapes.forEach((shape, j) => {
@@ -33,7 +34,7 @@ function pointsMap(box, flight, seenAt, go, fileName) {
       shape.setAttribute("fill", isSeen ? "var(--seen)" : isLit ? "var(--card)" : "var(--dark)");
       shape.setAttribute("stroke", isSeen ? "var(--seen)" : isLit ? "var(--lit)" : "none");
     });
-    const [x, y] = mapped(flight.position(k)), light = flight.sun(k), [sunX, sunY] = light ? mapped(light) : [-100, 0];
+    const [x, y] = onMap(k, flight.position(k)), light = flight.sun(k), [sunX, sunY] = light ? onMap(k, light) : [-100, 0];
     deputy.setAttribute("transform", `translate(${x},${y})`);
     sun.setAttribute("cx", sunX);
     sun.setAttribute("cy", sunY);

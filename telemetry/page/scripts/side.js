@@ -7,11 +7,20 @@ function namedRule(systems, quadrature) {
   return (flight, k, axis) => {
     const index = systems.findIndex(({ axis: driven }) => driven === axis);
     const reason = flight.reason(k, axis);
-    if (index < 0 || (reason !== "fired" && reason !== "clipped")) return `${flight.words[reason][0].toUpperCase()}${flight.words[reason].slice(1)}.`;
+    if (index < 0 || (reason !== "fired" && reason !== "clipped")) return `${capital(flight.words[reason])}.`;
     const system = systems[index], steps = infer(system, Array.from(flight.inputs(k, index, system.inputs.length)));
     const parts = shares(system, 0, steps, quadrature).values, sign = Math.sign(flight.force(k)[axis]);
     const best = parts.reduce((most, part, rule) => (part * sign > parts[most] * sign ? rule : most), 0);
     return `Rule ${best + 1} of ${system.name}: ${system.rules[best].words}.`;
+  };
+}
+
+/** Which points face the Sun at a sample, wherever a chief that turns has them then. */
+function litBy(flight) {
+  let last, { points } = flight;
+  return (k, j) => {
+    if (k !== last) points = flight.pointsAt?.(last = k) ?? points;
+    return facesSun(points[j], flight.sun(k));
   };
 }
 
@@ -74,7 +83,7 @@ class Side {
       return { ...recordedFlight({ ...shared, ...recorded, coast: shared.freeMotion }), seenBy, of: this.shared.of };
     }
     const flight = flownFlight(this.shared, await this.ask(this.caseOf(row)), this.run.reasons[row], this.ends?.[row]);
-    if (this.run.flight.isPlain) flight.isLit = (k, j) => facesSun(flight.points[j], flight.sun(k));
+    if (this.run.flight.isPlain) flight.isLit = litBy(flight);
     else flight.tellsLight = false;
     return flight;
   }
@@ -141,6 +150,8 @@ class Side {
       boutsList(this.part("events"), flight, to),
       ...this.showNow.map(show => k => show(flight, k)),
     ];
+    const key = flight.tellsLight === false ? { dark: "not inspected" } : { lit: "lit", dark: "dark" };
+    this.part("key").replaceChildren(...Object.entries({ seen: "inspected", ...key }).flatMap(([name, words]) => [make("i", { class: name }), `${words} `]));
     for (const part of ["map", "progress", "key"]) this.part(part).hidden = !flight.points.length;
     this.part("fuel").hidden = !isSpent;
   }

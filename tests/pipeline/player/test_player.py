@@ -13,11 +13,14 @@ from numba import types
 from playwright.sync_api import expect
 
 from benchmarks.scaling import words_of
-from fis_tools.model.thrust import REASONS
+from fis_tools.model.thrust import REASONS, SILENT_N
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.flight.control.controller import PlanningController
 from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.goals.reach import until_end
+from pipeline.flight.world.pack import pack_world
+from pipeline.physics.quaternion import dcms_b_from_h
 from pipeline.player import flown
 from pipeline.player.arguments import MODULES, PLAIN
 from pipeline.player.build import FOLDER, functions
@@ -25,6 +28,7 @@ from pipeline.player.flown import FlownCases, flown_in_page, looks_ahead, tells_
 from pipeline.player.memory import Memory, leaves_of, types_of
 from pipeline.player.panel import panel
 from pipeline.player.runs import Carried, CaseColumn, CasePlot, PlayedCases, PlayedPage, PlayedRun
+from pipeline.recording.points import lit_and_seen
 from pipeline.report.case_measures import MEASURES
 from pipeline.report.played import carried_of, player_of_starts
 from pipeline.report.scene import recorded_table
@@ -78,6 +82,10 @@ COURSES = (
     ("champion_leo_rehearsed", "dynamics=two_body", *STEEP, "light=shadow", "sun=random", "duration_s=1800"),
     ("champion_27", "dynamics=low_orbit", "orbit.course=true", "orbit.epoch=2026-11-26T12:00:00", TURNING),
 )
+#: reasons by their indices in logs, and those of what was not fired
+NAMES = list(REASONS)
+NOT_FIRED = [name for name, text in REASONS.items() if re.search(r"not fired|or fired|yet to fire", text)]
+GIVEN = [f"{REASONS[name][:1].upper()}{REASONS[name][1:]}." for name in ("rehearsed", "parked")]
 #: bytes of an array as text
 TEXT = """array => {
     const bytes = new Uint8Array(array.buffer, array.byteOffset, array.byteLength); let out = "";
@@ -219,7 +227,10 @@ def test_every_mission_of_the_shipped_worlds_flies_in_a_page(ready, monkeypatch,
     mission, controller, starts, logs = run_of(*words)
     chosen = flown_in_page(PlayedRun("", "", mission, controller, starts))
     assert isinstance(chosen, FlownCases), chosen
-    assert_flown(ready(*words), logs, chosen.rows or range(len(logs)))
+    page = ready(*words)
+    assert_flown(page, logs, chosen.rows or range(len(logs)))
+    if any(log.force_hill_n.any() for log in logs[3:4]):
+        assert_told(page, mission, controller, starts, logs, 3)
 
 
 def assert_flown(page, logs, rows):
@@ -257,6 +268,102 @@ def test_reasons_and_rules_are_the_products(ready, words):
                 assert named.partition(": ")[2] == text
                 num_named += 1
     assert num_named > 20
+
+
+#: what pushes between two decisions, or along other axes than those along which rules ask
+TOLD = (
+    ("champion_27", "safety=filter", "deputy.max_distance_m=70"),
+    ("champion_27", "navigation=fixes", "actuators=real", "safety=robust"),
+    ("champion_27", "actuators=real", "actuators.delay_s=20"),
+    ("champion_27_parked",),
+    ("champion_27_parking", "actuators=real", "actuators.delay_s=10"),
+    ("lqr", "actuators=real"),
+    ("paper",),
+    ("paper_champion", "actuators=real", "actuators.delay_s=10", "safety=filter"),
+)
+
+
+@pytest.mark.parametrize("words", TOLD, ids="-".join)
+def test_a_page_tells_of_each_push_and_of_no_other(ready, words):
+    assert_told(ready(*words), *run_of(*words), 3)
+
+
+def assert_told(page, mission, controller, starts, logs, row):
+    """Fail where the open flight's words contradict what the product logged of a row."""
+    log = until_end(mission, logs[row])
+    forces = np.where(np.abs(log.force_hill_n) < SILENT_N, 0.0, log.force_hill_n)
+    rows = page.evaluate(
+        "() => Array.from({ length: player.sides[0].flight.numSamples - 1 }, (_, k) =>"
+        " player.sides[0].flight.reasons(k))"
+    )
+    assert len(rows) == len(forces)
+    for k, (force, told) in enumerate(zip(forces, rows, strict=True)):
+        words = [NAMES[code] for code in log.reason[k]]
+        said = {each["detail"] for each in told}
+        if force.any():
+            assert len(told) == np.count_nonzero(force), (k, told)
+            assert all(each["text"].startswith("Push ") for each in told), (k, told)
+            assert said.isdisjoint(capital(REASONS[name]) for name in NOT_FIRED), (k, told)
+        elif told[0]["text"] == "No push.":
+            (text,) = said
+            assert text in {capital(REASONS[name]) for name in words}, (k, told, words)
+            # what was given is not said of what was not fired yet
+            assert text != capital(REASONS["silent"]) or set(words) == {"silent"}, (k, words)
+            assert text not in GIVEN or set(words) <= {"rehearsed", "parked", "silent"}, (k, words)
+        else:  # of the last decision
+            assert told[0]["text"].startswith("At "), (k, told)
+    buttons = page.locator("#player .bouts button").all_inner_texts()
+    more = [re.search(r" and (\d+) more until ", text) for text in buttons]
+    assert sum(int(match[1]) + 1 if match else 1 for match in more) == np.sum(forces.any(axis=1))
+    assert buttons
+
+
+def capital(text):
+    return f"{text[:1].upper()}{text[1:]}."
+
+
+#: a chief at rest, and one that turns; light that a page does not work out, without free motion in the last
+LIT = (
+    ("champion_27",),
+    ("champion_27", TURNING),
+    ("champion_27", ELEVATED, "sun=random"),
+    ("champion_leo", "world=leo"),
+)
+#: whether points are lit at a sample, what is drawn of the deputy on their map, and what is said
+SHOWN_OF = """k => {
+    const [side] = player.sides, { flight } = side;
+    player.lead.view.show(k);
+    side.show(k * flight.periodS);
+    return {
+        lit: flight.isLit ? flight.points.map((_, j) => flight.isLit(k, j)) : null,
+        cross: side.part("map").querySelector("path").getAttribute("transform"),
+        map: side.part("map").querySelector("p").textContent, key: side.part("key").textContent,
+        path: Boolean(flight.coast(k)), said: flight.reasons(k).map(({ detail }) => detail).join(" "),
+    };
+}"""
+
+
+@pytest.mark.parametrize("words", LIT, ids="-".join)
+def test_a_page_says_which_points_are_lit_and_what_is_dashed_only_where_it_shows_it(ready, words):
+    mission, _, _, logs = run_of(*words)
+    page, log, world = ready(*words), logs[3], pack_world(mission)
+    is_lit, _ = lit_and_seen(world, log)
+    turns = dcms_b_from_h(log.quaternion_c_from_h)
+    for k in (0, 60, 200, mission.num_controls):
+        shown = page.evaluate(SHOWN_OF, k)
+        assert ("lit" in shown["key"], "Ring: lit" in shown["map"]) == (shown["lit"] is not None,) * 2
+        assert ("dark" in shown["key"]) == (shown["lit"] is not None)
+        if shown["lit"] is not None:
+            sun = np.array([np.cos(log.sun_angle_rad[k]), np.sin(log.sun_angle_rad[k]), 0.0])
+            sample = k if len(world.points) > 1 else 0
+            heights = world.points[sample, :, : world.num_points].T @ sun
+            counts = ~log.is_inspected[k] & (np.abs(heights) > 1e-6)  # grazing light is a matter of rounding
+            assert np.array_equal(np.array(shown["lit"])[counts], is_lit[k][counts])
+        x, y, z = turns[0].T @ turns[k] @ log.position_m[k]
+        longitude, latitude = np.degrees([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))])
+        cross = [float(part) for part in shown["cross"].removeprefix("translate(").rstrip(")").split(",")]
+        np.testing.assert_allclose(cross, [180.0 + longitude, 88.0 * (1.0 - latitude / 90.0)], atol=1e-3)
+        assert ("dashed" in shown["said"]) == (k == mission.num_controls and shown["path"])
 
 
 def test_presses_and_keys_open_cases(ready):

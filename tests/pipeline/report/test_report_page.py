@@ -12,10 +12,12 @@ import pytest
 import yaml
 from matplotlib.image import imread
 
+import telemetry
 from fis_tools.formats import serialize
 from fis_tools.render.theme import contrast
 from fis_tools.review import page as review
 from fis_tools.words.text import summary
+from pipeline.command_line.config import compose_experiment
 from pipeline.evaluation.monte_carlo import fly_cases, summarise
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.report.contents import command_of, gather, read_evaluation, tracks_of
@@ -26,8 +28,11 @@ from pipeline.run import artifacts, manifests, tables
 from pipeline.run.artifacts import ArtifactError
 from pipeline.run.writing import write_json
 from pipeline.scenarios import training_scenarios
+from telemetry.file.topics import fis_topic
 from tests.browser import assert_tables_fit
 from tests.pipeline.report.runs import HOSTILE, SECTIONS, page_of, run_of, small_controller, write_training
+from tests.pipeline.stages.cases import carried_out
+from tests.places import PROJECT
 from tests.policies import Page, check_policy, check_references
 
 #: with limits that some of the flights keep and others do not
@@ -142,6 +147,26 @@ def test_the_review_is_along_the_recorded_flights_and_goes_with_its_controller(t
     assert not path.exists()
 
 
+@pytest.mark.slow
+def test_a_review_says_where_it_counts_but_what_was_fired(tmp_path):
+    run_of(tmp_path, ("record",), "+experiment=fly", "controller=champion_27")
+    (path,) = (tmp_path / artifacts.RECORDINGS).iterdir()
+    recording = telemetry.read(path)
+    made, fired = (
+        max(map(count, recording.fis_names))
+        for count in (
+            lambda name: len(recording[fis_topic(name)]),
+            lambda name: len(recording.fired(name)[0]),
+        )
+    )
+    assert fired < made
+    controller = serialize.load(PROJECT / "conf" / "controller" / "champion_27.yaml")
+    text, of_all = (review.write(controller, [path], all_periods=each) for each in (False, True))
+    assert f"({fired} inferences whose force was fired, of {made})" in text
+    assert f"({made} inferences)" in of_all
+    assert ("met where fired" in text, "met where fired" in of_all) == (True, False)
+
+
 def test_text_stands_out_from_the_page_in_light_and_dark():
     style = (files("pipeline.report") / "templates" / "report.css").read_text(encoding="utf-8")
     for scheme in re.findall(r":root \{(.*?)\}", style, re.DOTALL)[:2]:
@@ -239,6 +264,25 @@ def test_an_evaluated_controller_shows_its_median_flight(tmp_path):
     write_json(tmp_path / artifacts.SUMMARY, summary)
     with pytest.raises(ArtifactError, match=r"dispersions what it should .* repeat the stage evaluate"):
         page_of(experiment, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("words", "spent"),
+    [
+        (("controller=champion_27",), "spends {:.3f} m/s and inspects"),
+        (("controller=champion_docking", "problem=docking"), "and spend {:.3f} m/s"),
+        (("controller=champion_27", "fleet.deputies=2"), "spends {:.3f} m/s in total and inspects"),
+    ],
+    ids=lambda words: words[-1] if isinstance(words, tuple) else "",
+)
+def test_an_evaluation_of_a_single_case_has_no_spread(tmp_path, words, spent):
+    overrides = "+experiment=evaluate", "monte_carlo.num_cases=1", "duration_s=600", *words
+    experiment = carried_out(compose_experiment(list(overrides)), tmp_path, "scenario", "evaluate").experiment
+    text = "".join(data for _, data in Page(page_of(experiment, tmp_path)).texts)
+    fuel = artifacts.read_json(tmp_path, artifacts.SUMMARY)["delta_v_m_s"]
+    assert (fuel["standard_deviation"], fuel["low"], fuel["high"]) == (None, None, None)
+    assert spent.format(fuel["mean"]) in " ".join(text.split())
 
 
 @pytest.mark.slow

@@ -11,13 +11,15 @@ import telemetry
 from fis_tools.analysis import shapley
 from fis_tools.engines.compiler import compile
 from fis_tools.formats import serialize
-from fis_tools.model.thrust import COMPONENTS, REASONS
+from fis_tools.model.thrust import COMPONENTS, REASONS, SILENT_N
 from fis_tools.words.text import sentences
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
+from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.goals.reach import until_end
 from pipeline.flight.state.log import REHEARSED
-from pipeline.recording.firing import delay_of
+from pipeline.recording.firing import IN_EFFECT, delay_of
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.report.contents import ShownFlight
 from pipeline.report.played import player_of_flight
@@ -105,29 +107,96 @@ def test_a_push_names_the_rule_that_recordings_give_the_largest_share(flown, tmp
     assert is_first == (controller.name == "champion_27_rehearsed")
 
 
-@pytest.mark.parametrize("name", ALONG_DEPUTY)
-def test_a_push_along_the_deputys_axes_is_that_of_the_largest_force_asked(name):
-    job = compose_experiment(["+experiment=fly", f"controller={name}", "duration_s=900"])
+def test_a_thinned_page_names_a_rule_only_of_a_push_that_it_has(tmp_path, monkeypatch):
+    job = compose_experiment(["+experiment=fly", "controller=champion_any_sun"])
     mission = job.experiment.mission
-    controller = source.named(name, mission)
-    log = fly_logged(mission, controller, start_shown(job.experiment)[1])
-    table = recorded_table(log, controller, mission)
-    silent = f"{REASONS['silent'][:1].upper()}{REASONS['silent'][1:]}."
-    words, num_pushes = list(REASONS), 0
-    for k in np.flatnonzero(log.force_hill_n.any(axis=1)):
-        (text,) = {table["texts"][index] for index in table["reasons"][k]}
-        assert text != silent
-        fired = [axis for axis in range(3) if words[log.reason[k, axis]] == "fired"]
-        if not fired:
+    controller = source.named("champion_any_sun", mission)
+    start = start_shown(job.experiment)[1]
+    log = fly_logged(mission, controller, start)
+    FlightRecorder(job.experiment, controller, job.config).record(tmp_path / "a.mcap", start, log, "start")
+    named = {}
+    for most in (recorded.MOST_SAMPLES, mission.num_controls // 3 + 1):
+        monkeypatch.setattr(recorded, "MOST_SAMPLES", most)
+        flight, table = recorded.table_of(telemetry.read(tmp_path / "a.mcap"))
+        step = round(flight["periodS"] / mission.control_period_s)
+        forces = floats(table["force"]).reshape(-1, 3)
+        assert np.array_equal(forces[:-1], log.force_hill_n[::step].astype(np.float32))
+        is_rule = np.array(
+            [[table["texts"][each].startswith("Rule ") for each in row] for row in table["reasons"]]
+        )
+        named[step] = is_rule[:-1]
+        assert not np.any(is_rule[:-1] & (forces[:-1] == 0.0))
+    assert np.array_equal(named[3], named[1][::3])
+    assert named[3].any()
+
+
+def test_a_page_of_a_recording_ends_where_a_flight_to_a_goal_does(tmp_path):
+    job = compose_experiment(["+experiment=fly", "problem=docking", "controller=champion_docking"])
+    mission = job.experiment.mission
+    controller = source.named("champion_docking", mission)
+    start = start_shown(job.experiment)[1]
+    log = fly_logged(mission, controller, start)
+    FlightRecorder(job.experiment, controller, job.config).record(tmp_path / "a.mcap", start, log, "start")
+    recording = telemetry.read(tmp_path / "a.mcap")
+    flight, table = recorded.table_of(recording)
+    ended_log = until_end(mission, log)
+    assert len(ended_log.delta_v_m_s) < len(log.delta_v_m_s)
+    assert flight["numSamples"] == len(ended_log.delta_v_m_s)
+    assert flight["numPoints"] == 0
+    assert "It does not tell" not in recorded._about(recording, flight, tmp_path / "a.mcap")
+    assert recording.end_s == (flight["numSamples"] - 1) * mission.control_period_s
+    assert np.array_equal(floats(table["position"]), ended_log.position_m.astype(np.float32).ravel())
+    assert floats(table["spent"])[-1] == np.float32(ended_log.delta_v_m_s[-1])
+
+
+#: thrusters that fire as they are told, and others
+THRUSTERS = ((), ("actuators=real", "actuators.delay_s=20"), ("actuators=real", "safety=filter"))
+
+
+@pytest.mark.parametrize("words", THRUSTERS, ids="-".join)
+@pytest.mark.parametrize("name", ALONG_DEPUTY)
+def test_a_push_along_the_deputys_axes_is_that_of_the_largest_force_asked(name, words, tmp_path):
+    job = compose_experiment(["+experiment=fly", f"controller={name}", "duration_s=900", *words])
+    mission = job.experiment.mission
+    controller, delay = source.named(name, mission), delay_of(mission)
+    start = start_shown(job.experiment)[1]
+    log = fly_logged(mission, controller, start)
+    FlightRecorder(job.experiment, controller, job.config).record(tmp_path / "a.mcap", start, log, "start")
+    _, of_recording = recorded.table_of(telemetry.read(tmp_path / "a.mcap"))
+    table, names, num_pushes = recorded_table(log, controller, mission), list(REASONS), 0
+    for k, axis in np.argwhere(np.abs(log.force_hill_n) >= SILENT_N):
+        text, of_page = (each["texts"][each["reasons"][k][axis]] for each in (table, of_recording))
+        if names[log.reason[k, axis]] == "safety":
+            assert (text, of_page) == (f"T{REASONS['safety'][1:]}.", "Safety.")
             continue
-        axis = max(fired, key=lambda axis: abs(log.force_asked_n[k, axis]))
-        index = [system.outputs[0].name for system in controller.systems].index(COMPONENTS[axis])
+        asked = np.where(np.isin(log.command_reason[k - delay], IN_EFFECT), log.force_asked_n[k - delay], 0.0)
+        leading = int(np.argmax(np.abs(asked)))
+        index = [system.outputs[0].name for system in controller.systems].index(COMPONENTS[leading])
         system = controller.systems[index]
-        shares = shapley.shares(compile(system), log.fis_input[k : k + 1, index, : len(system.inputs)])
-        rule = np.argmax(shares.values[0, :, 0] * np.sign(log.force_asked_n[k, axis]))
+        inputs = log.fis_input[k - delay : k - delay + 1, index, : len(system.inputs)]
+        shares = shapley.shares(compile(system), inputs)
+        rule = int(np.argmax(shares.values[0, :, 0] * np.sign(asked[leading])))
         assert text == f"Along the deputy's axes: {list(sentences(system))[rule]}."
+        assert of_page.startswith(f"Along the deputy's axes: Rule {rule + 1} of {system.name}: ")
         num_pushes += 1
     assert num_pushes > 0
+
+
+def test_a_push_along_the_deputys_axes_that_no_rule_asked_for_was_fired(tmp_path):
+    job = compose_experiment(["+experiment=fly", "duration_s=600"])
+    mission = job.experiment.mission
+    controller = open_loop("turned", np.tile([0.02, 0.0, 0.0], (mission.num_controls, 1)), "body")
+    start = start_shown(job.experiment)[1]
+    log = fly_logged(mission, controller, start)
+    FlightRecorder(job.experiment, controller, job.config).record(tmp_path / "a.mcap", start, log, "start")
+    _, of_recording = recorded.table_of(telemetry.read(tmp_path / "a.mcap"))
+    pushes = np.argwhere(np.abs(log.force_hill_n) >= SILENT_N)
+    assert len(pushes) > mission.num_controls  # along more than one of Hill's axes
+    for table, text in (
+        (recorded_table(log, controller, mission), "It was fired."),
+        (of_recording, "Fired."),
+    ):
+        assert {table["texts"][table["reasons"][k][axis]] for k, axis in pushes} == {text}
 
 
 @pytest.mark.parametrize("width", [400, 1400])
