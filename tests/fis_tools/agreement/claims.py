@@ -119,14 +119,14 @@ def shares(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]
             if not 2 <= len(players) <= most or error[index] or not left[is_large]:
                 continue
             factors = FACTORS[:1] if system.weighs(output) else FACTORS
-            found = np.array([_shapley(system, step, index, players, factor) for factor in factors])
-            if not np.isfinite(found).all():
+            expected = np.array([_shapley(system, step, index, players, factor) for factor in factors])
+            if not np.isfinite(expected).all():
                 continue
             left[is_large] -= 1
-            scale = max(output.span, np.abs(found).max())
-            slack = SHARES_TOLERANCE * scale + 3.0 * np.ptp(found, axis=0)
-            if (np.abs(values[players, index] - found[0]) > slack).any():
-                yield Difference(claim, system, row, str(found[0]), str(values[players, index]))
+            scale = max(output.span, np.abs(expected).max())
+            slack = SHARES_TOLERANCE * scale + 3.0 * np.ptp(expected, axis=0)
+            if (np.abs(values[players, index] - expected[0]) > slack).any():
+                yield Difference(claim, system, row, str(expected[0]), str(values[players, index]))
 
 
 def contributions(
@@ -140,12 +140,12 @@ def contributions(
         firing = step.firing_strengths
         if ((firing > 0.0) & (firing < LEAST_FIRING)).any():
             continue  # rounding decides whether such a rule fires at all
-        found = np.array([_without_each(step, factor) for factor in FACTORS])
+        expected = np.array([_without_each(step, factor) for factor in FACTORS])
         spans = np.array([variable.span for variable in system.outputs])
-        slack = SHARES_TOLERANCE * np.maximum(spans, np.abs(found[0])) + 3.0 * np.ptp(found, axis=0)
-        is_known = np.isfinite(found).all(axis=0)
-        if (is_known & ~(np.abs(values - found[0]) <= slack)).any():
-            yield Difference(claim, system, row, str(found[0].tolist()), str(values.tolist()))
+        slack = SHARES_TOLERANCE * np.maximum(spans, np.abs(expected[0])) + 3.0 * np.ptp(expected, axis=0)
+        is_known = np.isfinite(expected).all(axis=0)
+        if (is_known & ~(np.abs(values - expected[0]) <= slack)).any():
+            yield Difference(claim, system, row, str(expected[0].tolist()), str(values.tolist()))
 
 
 def _without_each(step: Inference, factor: float) -> Floats:
@@ -191,12 +191,12 @@ def _shapley(system: FuzzySystem, step: Inference, index: int, players: list[int
         is_silent = output.default is None and inferred.is_default
         worth[coalition] = silent if coalition == 0 or is_silent else inferred.value
     sizes_of = np.array([coalition.bit_count() for coalition in range(2**count)])
-    found = np.empty(count)
+    expected = np.empty(count)
     for at in range(count):
         without = np.flatnonzero(~(np.arange(2**count) >> at) & 1)
         weights = 1.0 / (count * np.array([comb(count - 1, size) for size in sizes_of[without]]))
-        found[at] = weights @ (worth[without | 1 << at] - worth[without])
-    return found
+        expected[at] = weights @ (worth[without | 1 << at] - worth[without])
+    return expected
 
 
 def _quiet(rule: Rule, output: str) -> Rule:
@@ -211,16 +211,16 @@ def weakest(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference
     """Where the strongest rule is said to be weakest it fires as strongly; exactly told, nowhere less."""
     if has_intervals(system):
         return
-    told = completeness(system)
-    there = float(infer(system, told.at).firing_strengths.max())
-    if abs(there - told.least) > LEAST_FIRING:
-        yield Difference(claim, system, told.at, str(there), str(told.least))
+    result = completeness(system)
+    strength = float(infer(system, result.at).firing_strengths.max())
+    if abs(strength - result.least) > LEAST_FIRING:
+        yield Difference(claim, system, result.at, str(strength), str(result.least))
     low, high = np.array([[variable.minimum, variable.maximum] for variable in system.inputs]).T
     for row, step in zip(rows, steps, strict=True):
         is_inside = bool((row >= low).all() and (row <= high).all())
         strongest = float(step.firing_strengths.max())
-        if told.is_exact and is_inside and strongest < told.least - LEAST_FIRING:
-            yield Difference(claim, system, row, str(strongest), f"nowhere below {told.least}")
+        if result.is_exact and is_inside and strongest < result.least - LEAST_FIRING:
+            yield Difference(claim, system, row, str(strongest), f"nowhere below {result.least}")
 
 
 def crossing(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]) -> Iterator[Difference]:

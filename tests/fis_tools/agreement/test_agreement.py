@@ -135,8 +135,8 @@ def test_a_weakest_firing_that_is_too_high_is_found(tmp_path, monkeypatch):
     measured = claims.completeness
 
     def higher(system):
-        told = measured(system)
-        return replace(told, least=told.least + 0.1, is_exact=True)
+        result = measured(system)
+        return replace(result, least=result.least + 0.1, is_exact=True)
 
     monkeypatch.setattr(claims, "completeness", higher)
     assert compared.differences(cases(6), tmp_path, ("weakest",))

@@ -271,7 +271,7 @@ def test_reasons_and_rules_are_the_products(ready, words):
 
 
 #: what pushes between two decisions, or along other axes than those along which rules ask
-TOLD = (
+REASONED = (
     ("champion_27", "safety=filter", "deputy.max_distance_m=70"),
     ("champion_27", "navigation=fixes", "actuators=real", "safety=robust"),
     ("champion_27", "actuators=real", "actuators.delay_s=20"),
@@ -283,7 +283,7 @@ TOLD = (
 )
 
 
-@pytest.mark.parametrize("words", TOLD, ids="-".join)
+@pytest.mark.parametrize("words", REASONED, ids="-".join)
 def test_a_page_tells_of_each_push_and_of_no_other(ready, words):
     assert_told(ready(*words), *run_of(*words), 3)
 
@@ -297,21 +297,21 @@ def assert_told(page, mission, controller, starts, logs, row):
         " player.sides[0].flight.reasons(k))"
     )
     assert len(rows) == len(forces)
-    for k, (force, told) in enumerate(zip(forces, rows, strict=True)):
+    for k, (force, lines) in enumerate(zip(forces, rows, strict=True)):
         words = [NAMES[code] for code in log.reason[k]]
-        said = {each["detail"] for each in told}
+        said = {each["detail"] for each in lines}
         if force.any():
-            assert len(told) == np.count_nonzero(force), (k, told)
-            assert all(each["text"].startswith("Push ") for each in told), (k, told)
-            assert said.isdisjoint(capital(REASONS[name]) for name in NOT_FIRED), (k, told)
-        elif told[0]["text"] == "No push.":
+            assert len(lines) == np.count_nonzero(force), (k, lines)
+            assert all(each["text"].startswith("Push ") for each in lines), (k, lines)
+            assert said.isdisjoint(capital(REASONS[name]) for name in NOT_FIRED), (k, lines)
+        elif lines[0]["text"] == "No push.":
             (text,) = said
-            assert text in {capital(REASONS[name]) for name in words}, (k, told, words)
+            assert text in {capital(REASONS[name]) for name in words}, (k, lines, words)
             # what was given is not said of what was not fired yet
             assert text != capital(REASONS["silent"]) or set(words) == {"silent"}, (k, words)
             assert text not in GIVEN or set(words) <= {"rehearsed", "parked", "silent"}, (k, words)
         else:  # of the last decision
-            assert told[0]["text"].startswith("At "), (k, told)
+            assert lines[0]["text"].startswith("At "), (k, lines)
     buttons = page.locator("#player .bouts button").all_inner_texts()
     more = [re.search(r" and (\d+) more until ", text) for text in buttons]
     assert sum(int(match[1]) + 1 if match else 1 for match in more) == np.sum(forces.any(axis=1))

@@ -169,13 +169,14 @@ def test_a_push_along_the_deputys_axes_is_that_of_the_largest_force_asked(name, 
         if names[log.reason[k, axis]] == "safety":
             assert (text, of_page) == (f"T{REASONS['safety'][1:]}.", "Safety.")
             continue
-        asked = np.where(np.isin(log.command_reason[k - delay], IN_EFFECT), log.force_asked_n[k - delay], 0.0)
-        leading = int(np.argmax(np.abs(asked)))
+        commanded = np.isin(log.command_reason[k - delay], IN_EFFECT)
+        requested = np.where(commanded, log.force_asked_n[k - delay], 0.0)
+        leading = int(np.argmax(np.abs(requested)))
         index = [system.outputs[0].name for system in controller.systems].index(COMPONENTS[leading])
         system = controller.systems[index]
         inputs = log.fis_input[k - delay : k - delay + 1, index, : len(system.inputs)]
         shares = shapley.shares(compile(system), inputs)
-        rule = int(np.argmax(shares.values[0, :, 0] * np.sign(asked[leading])))
+        rule = int(np.argmax(shares.values[0, :, 0] * np.sign(requested[leading])))
         assert text == f"Along the deputy's axes: {list(sentences(system))[rule]}."
         assert of_page.startswith(f"Along the deputy's axes: Rule {rule + 1} of {system.name}: ")
         num_pushes += 1
