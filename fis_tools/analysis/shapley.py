@@ -373,10 +373,9 @@ def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:
     some = inputs[:: -(-len(inputs) // MOST_SAMPLES)]
     ranges = np.array([variable.span for variable in compiled.system.outputs])
     moved = np.abs(shares(compiled, some, FEW_ORDERS).values)
-    if np.isfinite(moved).all():
-        return moved.mean(axis=0) / ranges
     is_known = np.isfinite(moved)
-    return np.where(is_known, moved, 0.0).sum(axis=0) / np.maximum(is_known.sum(axis=0), 1) / ranges
+    total = np.where(is_known, moved, 0.0).sum(axis=0)
+    return np.asarray(total / np.maximum(is_known.sum(axis=0), 1) / ranges)
 
 
 def sampled(num_players: int, worth: Worth, num_orders: int) -> tuple[Floats, float]:
