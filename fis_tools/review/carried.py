@@ -1,7 +1,6 @@
 """The data that a page computes with: systems and flights as JSON without loss."""
 
 import base64
-import json
 from collections.abc import Sequence
 from typing import Any
 
@@ -74,12 +73,6 @@ def quadrature_data(systems: Sequence[FuzzySystem]) -> list[str]:
     """Return nodes and weights of the quadrature that integrates the shares of so many rules exactly."""
     nodes, weights = quadrature(max(len(system.rules) for system in systems))
     return [_doubles(nodes), _doubles(weights)]
-
-
-def as_json(data: Any) -> str:
-    """Return JSON that can stand inside a script element: no ``<``, ``>`` or ``&`` in it."""
-    text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
-    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
 def kept_rows(num_rows: int, most: int) -> np.ndarray[tuple[int], np.dtype[np.int64]]:

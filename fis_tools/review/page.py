@@ -19,7 +19,7 @@ from fis_tools.model.trees import require_unwired
 from fis_tools.review import carried, content, flown, transcribed
 from fis_tools.words.text import sentences, shape_words, summary, wires_in_words
 from plain_files.document import Block, Document, Figure, Fold, Heading, Items, Paragraph, Table, html
-from plain_files.document.html import element, png_address, read, template, void
+from plain_files.document.html import as_script_data, element, png_address, read, template, void
 
 #: what the reviewer ticks before signing, by key
 CHECKS = {
@@ -162,7 +162,7 @@ def _assemble(data: object, script: str, panel: html.ScriptedPanel | None, **wor
         words,
         style=Markup(style),  # noqa: S704 - a file of this package
         script=Markup(script),  # noqa: S704 - files of this package
-        data=Markup(carried.as_json(data)),  # noqa: S704 - no character of it ends a script element
+        data=Markup(as_script_data(data)),  # noqa: S704 - no character of it ends a script element
         # what plays sets styles of single elements
         policy=html.policy("" if panel else style, scripts, flies=panel is not None),
         panel=panel,

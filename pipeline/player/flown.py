@@ -25,7 +25,7 @@ from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Mission
 from plain_files.file_access import read_shipped
 from plain_files.plain_text import parse_json
-from telemetry.page.panel import packed
+from telemetry.page.panel import OF_NUMBERS, packed
 
 PACKAGE = "pipeline.player"
 HILL = "hill"
@@ -190,7 +190,7 @@ def _content(
             "size": of_cases.shape[1],
             "rows": chosen,
             # bytes of one place beside each other, which shrink more
-            "content": packed(of_cases.T.tobytes()),
+            "content": packed(of_cases.T.tobytes(), OF_NUMBERS),
         },
     }
     return FlownCases(chosen, content)

@@ -66,8 +66,7 @@ def _run(run: PlayedRun, of_run: Carried) -> dict[str, Any]:
         "command": run.command,
         "why": of_run.why,
         "flight": _flight(run, is_plain=flown["module"] not in ("", LIT)),
-        # memberships at all samples, which shrink by five sixths
-        "systems": recorded.packed(carried.as_json(data).encode()) if data else "",
+        "systems": data,
         "recorded": dict(of_run.recorded),
         "ends": recorded.planes(of_run.ends, "<i4") if of_run.ends else "",
         "reasons": dict(of_run.reasons),

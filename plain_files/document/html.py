@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -67,6 +68,12 @@ def environment(package: str, folder: str, **options: Any) -> Environment:
 def read(name: str, package: str = "plain_files.document") -> str:
     """Return the content of a text file that is part of a package."""
     return read_shipped(files(package) / name)
+
+
+def as_script_data(content: Any) -> str:
+    """Return JSON that can stand inside a script element: no ``<``, ``>`` or ``&`` in it."""
+    text = json.dumps(content, separators=(",", ":"), allow_nan=False)
+    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
 def source_hash(source: str) -> str:

@@ -1,7 +1,6 @@
 """The player as a part of a page, from what it is given as plain data; see ``scripts/player.js``."""
 
 import base64
-import json
 import re
 import zlib
 from collections.abc import Mapping, Sequence
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from plain_files.document.html import ScriptedPanel, read, template
+from plain_files.document.html import ScriptedPanel, as_script_data, read, template
 
 PACKAGE = "telemetry.page"
 FOLDER = Path(__file__).parent
@@ -21,8 +20,10 @@ VIEWS = ("view", "recorded")
 #: which the script applies
 STYLES = ("view", "player")
 SCRIPTS = (*("saving", "plots", "points_map", "dots", "cases_table", "bouts"), *("side", "player"))
-#: zlib's words for a header of gzip, and for how much it gathers before it begins a block
-WITH_HEADER, LENGTHS = 31, (5, 6, 7, 8)
+#: zlib's word for a header of gzip
+WITH_HEADER = 31
+#: how much zlib gathers before it begins a block: least for arrays, files and scripts
+OF_NUMBERS, OF_FILES, OF_SCRIPTS = 5, 6, 7
 #: what lines of comments begin with
 COMMENTS = ("//", "/**", "* ", "*/")
 #: what the frame's key says
@@ -59,8 +60,8 @@ def panel(
         names=names,
         has_cases=content["cases"] is not None,
     )
-    style = as_json(BLANK.sub(r"\1", "".join(read(f"{name}.css", PACKAGE) for name in STYLES)))
-    given = f"const PLAYER_STYLE = {style}, PLAYER = {as_json(content)};"
+    style = as_script_data(BLANK.sub(r"\1", "".join(read(f"{name}.css", PACKAGE) for name in STYLES)))
+    given = f"const PLAYER_STYLE = {style}, PLAYER = {as_script_data(content)};"
     script = f'"use strict";(() => {{\n{given}\n{code}\n}})();'
     unpacking = as_script(read("scripts/unpack.js", PACKAGE)).replace("PACKED", dense(script.encode()))
     # a file of this package around digits; what the template wrote is escaped
@@ -75,29 +76,23 @@ def as_script(code: str) -> str:
     return "\n".join(line.removeprefix("export ") for line in kept if not line.startswith("import "))
 
 
-def packed(content: bytes) -> str:
+def packed(content: bytes, gathered: int = OF_FILES) -> str:
     """Return bytes as text, compressed."""
-    return base64.b64encode(_deflated(content)).decode("ascii")
+    return base64.b64encode(_deflated(content, gathered)).decode("ascii")
 
 
 def dense(content: bytes) -> str:
     """Return bytes as shorter text, compressed, in digits of base 85: RFC 1924's, with a comma for ``<``."""
-    return base64.b85encode(_deflated(content)).decode("ascii").replace("<", ",")
+    return base64.b85encode(_deflated(content, OF_SCRIPTS)).decode("ascii").replace("<", ",")
 
 
-def _deflated(content: bytes) -> bytes:
-    """Compress bytes as gzip does, by blocks of the length that suits the content best."""
-    makers = [zlib.compressobj(9, zlib.DEFLATED, WITH_HEADER, length) for length in LENGTHS]
-    return min((maker.compress(content) + maker.flush() for maker in makers), key=len)
+def _deflated(content: bytes, gathered: int) -> bytes:
+    """Compress bytes as gzip does, in blocks for which zlib gathers so much."""
+    maker = zlib.compressobj(9, zlib.DEFLATED, WITH_HEADER, gathered)
+    return maker.compress(content) + maker.flush()
 
 
 def planes(values: Any, kind: str) -> str:
     """Return an array as text, compressed with bytes of one rank beside each other, which shrink more."""
     numbers = np.ascontiguousarray(values, dtype=kind)
-    return packed(numbers.view(np.uint8).reshape(len(numbers), -1).T.tobytes())
-
-
-def as_json(content: Any) -> str:
-    """Return JSON that can stand inside a script element: no ``<``, ``>`` or ``&`` in it."""
-    text = json.dumps(content, separators=(",", ":"), allow_nan=False)
-    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+    return packed(numbers.view(np.uint8).reshape(len(numbers), -1).T.tobytes(), OF_NUMBERS)

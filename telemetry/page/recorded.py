@@ -58,7 +58,7 @@ def write(*files: Path) -> str:
         runs.append(
             {
                 **{"name": name, "fileName": file.stem, "command": "", "why": "", "flight": flight},
-                **{"systems": "", "recorded": {0: table}, "reasons": {}, "ends": ""},
+                **{"systems": [], "recorded": {0: table}, "reasons": {}, "ends": ""},
                 **{"module": "", "snapshot": None, "own": None},
             }
         )

@@ -35,7 +35,6 @@ class Player {
     document.adoptedStyleSheets.push(sheet);
     this.root.classList.add("begun");
     const { page } = this, roots = this.root.querySelectorAll(".side");
-    for (const run of page.runs) if (run.systems.length) run.systems = JSON.parse(new TextDecoder().decode(await inflated(run.systems)));
     const fleets = lettersOf(page.fleets).flatMap((letters, index) => letters.map(letter => ({ letter, fleet: { index, letters } })));
     this.sides = page.runs.map((run, index) => new Side(run, page, roots[index], fleets[index]));
     this.lead = this.sides[0];

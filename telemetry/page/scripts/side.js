@@ -32,7 +32,7 @@ class Side {
   constructor(run, page, root, { letter, fleet }) {
     Object.assign(this, { run, page, root, letter, fleet, panels: [], flight: null, view: null });
     this.part = name => root.querySelector(`.${name}`);
-    this.systems = (run.systems || []).map(system => ({ ...decodeSystem(system), axis: system.axis }));
+    this.systems = run.systems.map(system => ({ ...decodeSystem(system), axis: system.axis }));
     const quadrature = this.systems.length && { chances: decodeDoubles(page.quadrature[0]), weights: decodeDoubles(page.quadrature[1]) };
     const points = floatsOf(run.flight.points);
     this.shared = {
