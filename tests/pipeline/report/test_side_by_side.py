@@ -188,7 +188,8 @@ def test_the_picture_shows_each_case_by_its_ratio():
     with style():
         spent, points = drawn_beside(columns, 95).axes
     order = [2, 0, 3, 1]
-    assert [label.get_text() for label in points.get_xticklabels()] == ["12", "10", "13", "11"]
+    numbers = {word.get_position()[0]: word.get_text() for word in points.texts}
+    assert numbers == {0: "12", 1: "10", 2: "13", 3: "11"}
     plans, *ours = spent.lines
     np.testing.assert_allclose(plans.get_ydata(), columns["optimum_delta_v_m_s"][order])
     drawn = {}
@@ -210,7 +211,7 @@ def test_a_controller_that_burns_nothing_can_be_drawn_and_many_cases_too():
     with style():
         assert drawn_beside(columns, 95).axes[0].get_yscale() == "linear"
         crowded = drawn_beside(made_up(80), 95).axes[1]
-    assert len(crowded.get_xticks()) == 0
+    assert len(crowded.texts) == 0
 
 
 def test_words_and_rows_are_those_of_the_table(tmp_path):
