@@ -127,6 +127,8 @@ def shares(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]
             slack = SHARES_TOLERANCE * scale + 3.0 * np.ptp(expected, axis=0)
             if (np.abs(values[players, index] - expected[0]) > slack).any():
                 yield Difference(claim, system, row, str(expected[0]), str(values[players, index]))
+    exact = ~given.error.any(axis=1)  # of other rows fewer orders are drawn for a mean
+    yield from _mean_sizes(claim, system, rows[exact], given.values[exact], shapley.importance)
 
 
 def contributions(
@@ -146,6 +148,23 @@ def contributions(
         is_known = np.isfinite(expected).all(axis=0)
         if (is_known & ~(np.abs(values - expected[0]) <= slack)).any():
             yield Difference(claim, system, row, str(expected[0].tolist()), str(values.tolist()))
+    yield from _mean_sizes(claim, system, rows, given, contribution.importance)
+
+
+def _mean_sizes(
+    claim: str, system: FuzzySystem, rows: Floats, values: Floats, importance: Callable[..., Floats]
+) -> Iterator[Difference]:
+    """The importance of a rule is the mean size of what it moves, in parts of the output's range."""
+    is_finite = ~np.isinf(values).any(axis=(1, 2))  # an infinite size is all that there is to tell
+    rows, values = rows[is_finite], values[is_finite]
+    if not len(rows):
+        return
+    known = [[np.abs(moved[np.isfinite(moved)]) for moved in each.T] for each in values.transpose(1, 0, 2)]
+    means = np.array([[moved.sum() / max(len(moved), 1) for moved in each] for each in known])
+    expected = means / np.array([variable.span for variable in system.outputs])
+    given = importance(compile(system), rows)
+    if not np.allclose(given, expected, rtol=SHARES_TOLERANCE, atol=SHARES_TOLERANCE):
+        yield Difference(claim, system, rows[0], str(expected.tolist()), str(given.tolist()))
 
 
 def _without_each(step: Inference, factor: float) -> Floats:
