@@ -3,7 +3,7 @@
 import pytest
 
 from tests.firefox import firefox
-from tests.pipeline.player.test_player import LOG, decoded, page_of, run_of
+from tests.pipeline.player.pages import LOG, decoded, page_of, run_of
 
 pytestmark = pytest.mark.slow
 
