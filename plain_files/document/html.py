@@ -61,7 +61,12 @@ def environment(package: str, folder: str, **options: Any) -> Environment:
     """Return a jinja2 environment for the templates in a folder of a package; options are jinja2's."""
     loader = PackageLoader(package, folder)
     return Environment(  # noqa: S701 - some forms know no markup
-        loader=loader, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, **options
+        loader=loader,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        optimized=False,  # looking for constants takes longer than they save in a page that is written once
+        **options,
     )
 
 
