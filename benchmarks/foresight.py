@@ -5,8 +5,8 @@ rules fire, as on the page; below the table flights outside the limits, and proc
 is compiled. The missions are those of `benchmarks.missions`, for which controllers are scaled to the chief's
 size. With ``--turns N`` the processor time of one thread is measured against that of rehearsals instead, both
 from the same starts by turns. With ``--on-board`` controllers with foresight, or those that ``--only``
-names, are flown as they plan on board, by geometry alone, and as they plan in simulation; the last column is
-processor time, s.
+names, are flown as they plan on board and as they plan in simulation, without errors or in the named worlds;
+the last column is processor time, s.
 """
 
 import argparse
@@ -121,17 +121,19 @@ def print_turns(name: str, num_turns: int, num_cases: int, seed: int) -> None:
     print(f"  {num_turns} turns of {num_cases} starts: {ratios.min():.2f} to {ratios.max():.2f}", flush=True)
 
 
-def print_on_board(num_cases: int, seed: int, only: Sequence[str]) -> None:
-    """Print how controllers fly by plans of geometry alone, beside how they fly by simulated ones."""
+def print_on_board(num_cases: int, seed: int, only: Sequence[str], names: Sequence[str]) -> None:
+    """Print how controllers fly as they plan on board, beside how they fly as they plan in simulation."""
     print("| controller | planned in simulation | planned on board | on board minus simulation (m/s) | s |")
     print("|---|---|---|---|---|")
-    words = ["+experiment=evaluate", RANDOM_SUN, f"seed={seed}", f"monte_carlo.num_cases={num_cases}"]
-    for path in sorted((conf_folder() / "controller").glob("*champion*.yaml")):
-        if only and path.stem not in only:
+    stems = sorted(path.stem for path in (conf_folder() / "controller").glob("*champion*.yaml"))
+    rows = [WORLDS[name] for name in names] or [(stem, (RANDOM_SUN,)) for stem in stems]
+    for stem, words in rows:
+        if only and stem not in only:
             continue
-        job = compose_experiment([*words, f"controller={path.stem}"]).experiment
+        settings = [*words, f"seed={seed}", f"monte_carlo.num_cases={num_cases}", f"controller={stem}"]
+        job = compose_experiment(["+experiment=evaluate", *settings]).experiment
         mission, starts = job.mission, list(evaluation_scenarios(job))
-        controller = named(path.stem, mission)
+        controller = named(stem, mission)
         if not (isinstance(controller, RuleController) and foresees(controller)):
             continue
         began = time.process_time()
@@ -140,7 +142,8 @@ def print_on_board(num_cases: int, seed: int, only: Sequence[str]) -> None:
         off = flown[1].delta_v_m_s - flown[0].delta_v_m_s
         half = 1.96 * off.std(ddof=1) / np.sqrt(len(off))
         tallies = " | ".join(tally(mission, each, with_interval=False) for each in flown)
-        print(f"| `{path.stem}` | {tallies} | {off.mean():+.4f} ± {half:.4f} | {seconds:.0f} |", flush=True)
+        world = " ".join(f"`{word}`" for word in (stem, *words))
+        print(f"| {world} | {tallies} | {off.mean():+.4f} ± {half:.4f} | {seconds:.0f} |", flush=True)
 
 
 def main(given: Sequence[str]) -> int:
@@ -161,7 +164,7 @@ def main(given: Sequence[str]) -> int:
     if unknown := set(options.names) - set(WORLDS):
         parser.error(f"no world {sorted(unknown)[0]!r}; they are {worlds}")
     if options.on_board:
-        print_on_board(options.cases, options.seed, options.only)
+        print_on_board(options.cases, options.seed, options.only, options.names)
         return 0
     if options.turns:
         for name in options.names or REHEARSED:

@@ -35,11 +35,12 @@ from pipeline.settings.places import conf_folder
 #: settings whose other kinds bring functions of their own on board
 KINDS: Mapping[str, type[Guidance | Safety]] = {"guidance": Guidance, "safety": Safety}
 #: missions that bring tables of their own: of what a chief's parts hide, and of an orbit that is no circle;
-#: and in which what ships for another mission plans on board
+#: in which what ships for another mission plans on board; and in which errors make plans anew
 MISSIONS: tuple[tuple[str, ...], ...] = (
     ("champion_27", "sun=random", "chief=satellite"),
     ("champion_leo_rehearsed", "sun=random"),
     ("champion_leo_parked", "sun=random"),
+    ("champion_27_rehearsed", "sun=random", "navigation=fixes", "actuators=real"),
     (
         *("champion_leo", "sun=random", "dynamics=two_body", "light=shadow", "orbit=elements"),
         *("orbit.semi_major_axis_m=9615714", "orbit.eccentricity=0.3", "orbit.true_anomaly_deg=290"),
@@ -108,7 +109,7 @@ def program_of(words: Sequence[str]) -> tuple[OnboardProgram, list[Scenario]]:
     controller = source.load(job.config["controller"], mission)
     try:
         program = translate(mission, controller)
-    except NotTranslatableError:  # where plans are made anew in flight
+    except NotTranslatableError:  # where its planner is not exported
         program = translate(mission, controller, rules_alone=True)
     return program, list(evaluation_scenarios(job.experiment))
 

@@ -32,6 +32,8 @@ from plain_files.file_access import filling, write_text
 SPECIFIED = ("nearest_whole", "power_of_two")
 #: functions that call those of a search, or draw its numbers; and in which the analyser steps through it
 SEARCHING = ("main", "controller_plan", "advance_plan", "begin_plan", "draw_numbers")
+#: and where plans are flown ahead
+FLYING = ("advance_flight", "begin_ahead", "exchange_flights", "is_flown_on")
 #: a folder's files that are filled in, beside the source: messages as octets, and the page on them
 MESSAGES = ("packets.h", "packets.c", "interface.md")
 EVIDENCE = (
@@ -109,7 +111,8 @@ def export(
 
 def joined(program: OnboardProgram) -> str:
     """Return the analyser's option by which ways through a search are joined at once, not after ten."""
-    names = [*SEARCHING, *program.planner.functions] if program.planner else []
+    planner = program.planner
+    names = [*SEARCHING, *(FLYING if planner.again else ()), *planner.functions] if planner else []
     return f"-eva-slevel-function {','.join(f'{name}:0' for name in names)} " if names else ""
 
 

@@ -144,7 +144,7 @@ class InterfaceField:
             out = ", or out of the orbit plane" * self.in_plane
             return f"{self.name} is no unit vector{out}, but for a thousandth"
         span = f"{self.range}{f' {self.unit}' * bool(self.unit)}"
-        each = " along each axis" * self.is_array
+        each = (" along each axis" if self.count == 3 else " in each entry") * self.is_array
         return f"{self.name} is not from {span}{each}{', or zero' * self.is_nonzero}"
 
 

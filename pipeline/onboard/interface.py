@@ -11,7 +11,17 @@ import numpy as np
 from pipeline.flight.state.arrays import World
 from pipeline.flight.state.signals import CONSTANTS
 from pipeline.onboard.fields import POINTS, InterfaceField
-from pipeline.onboard.messages import CHANGE, CHANGED, FIELD_BITS, OTHER_BITS, OUTPUT, START, START_BITS, STEP
+from pipeline.onboard.messages import (
+    CHANGE,
+    CHANGED,
+    FIELD_BITS,
+    OTHER_BITS,
+    OUTPUT,
+    START,
+    START_BITS,
+    STEP,
+    STEP_AND_COVARIANCE,
+)
 from pipeline.onboard.writer import Function
 
 #: positions are taken up to so many times the greatest distance allowed, speeds up to that within a time, s
@@ -112,6 +122,7 @@ def interface_of(
     world: World,
     *,
     is_sun_in_plane: bool,
+    has_covariance: bool,
     parameters: Mapping[str, float],
     members: Iterable[str],
     functions: Sequence[Function],
@@ -123,6 +134,8 @@ def interface_of(
         **{"reach_m": reach, "-reach_m": -reach, "speed_m_s": reach / PASSAGE_S},
         **{"-speed_m_s": -reach / PASSAGE_S, "last_period": world.num_controls - 1},
         **OLDEST,
+        "square_m2": reach * reach,
+        "-square_m2": -reach * reach,
         "sun": floor(radians(SUN_TURNS_DEG) / (world.mean_motion * world.control_period)),
     }
 
@@ -137,7 +150,8 @@ def interface_of(
             in_plane=is_sun_in_plane and field.name == "sun_elevation",
         )
 
-    start, step, output = ([resolved(each) for each in fields] for fields in (START, STEP, OUTPUT))
+    steps = STEP_AND_COVARIANCE if has_covariance else STEP
+    start, step, output = ([resolved(each) for each in fields] for fields in (START, steps, OUTPUT))
     named: dict[str, list[str]] = {}
     for each in step:
         if each.bit:

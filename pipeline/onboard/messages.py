@@ -131,6 +131,20 @@ STEP = (
         start=1.0,
     ),
 )
+#: and how far the estimate may be off, where plans are made again: without it the last one is flown on
+STEP_AND_COVARIANCE = (
+    *STEP,
+    InterfaceField(
+        "covariance",
+        "double",
+        "of position and velocity as estimated, row by row",
+        36,
+        "m^2, m^2/s, m^2/s^2",
+        "Hill axes",
+        limits=("-square_m2", "square_m2"),
+        bit="BAD_COVARIANCE",
+    ),
+)
 OUTPUT = (
     InterfaceField("code", "word", "CONTROLLER_ID"),
     InterfaceField("status", "int", "bits of what is wrong: CONTROLLER_BAD_*, CONTROLLER_OLD_*"),
@@ -185,7 +199,8 @@ START_BITS = {
 #: numbers of bits that a field of a step sets
 FIELD_BITS = {
     **{"BAD_PERIOD": 1, "BAD_POSITION": 2, "BAD_VELOCITY": 4, "BAD_ATTITUDE": 8, "BAD_SUN": 16},
-    **{"BAD_GIVEN": 32, **{f"OLD_{source.name.upper()}": source.bit for source in SOURCES}},
+    **{"BAD_GIVEN": 32, "BAD_COVARIANCE": 32768},
+    **{f"OLD_{source.name.upper()}": source.bit for source in SOURCES},
 }
 #: the reason of a component where the rules lack an input; the others are those of flights
 INPUT_REASON = 9

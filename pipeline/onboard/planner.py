@@ -1,26 +1,38 @@
 """The search for pushes on board: the flight's own, translated, with the tables that its outlook takes."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fis_tools.compiled.three import Three
 from pipeline.array_types import Floats
 from pipeline.flight.control.controller import RuleController
+from pipeline.flight.control.law import ahead_stride
 from pipeline.flight.fly import aboard
 from pipeline.flight.fly.drift import tail_stride
 from pipeline.flight.fly.foresight import Outlook, samples_coarsely
 from pipeline.flight.fly.free_drift import num_doubts
-from pipeline.flight.fly.outlooks import Deputies, num_missed
+from pipeline.flight.fly.outlooks import Deputies, num_missed, rows_of_spread
 from pipeline.flight.fly.prices import Pricing, list_lit
-from pipeline.flight.fly.pushes import NUM_DRAWS, PlanSearch, breed, num_best, select_cheaper
-from pipeline.flight.fly.replanning import FIRST, first_searches
-from pipeline.flight.state.arrays import FullOptics, Moment, Workspace
+from pipeline.flight.fly.pushes import (
+    NEAR_M_S,
+    NEAR_SAMPLES,
+    NEAR_SHARE,
+    NUM_DRAWS,
+    NUM_NEAR_DRAWS,
+    PlanSearch,
+    breed,
+    num_best,
+    select_cheaper,
+)
+from pipeline.flight.fly.replanning import AGAIN_ON_BOARD, FIRST, first_searches
+from pipeline.flight.state.arrays import FullOptics, Law, Moment, Workspace
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.state.signals import constant
 from pipeline.flight.world.pack import pack_world
+from pipeline.onboard.ahead import DEADLINES, EXCHANGED, write_flight
 from pipeline.onboard.allowed import NotTranslatableError
 from pipeline.onboard.translator import Translator
 from pipeline.onboard.values import Array, Begun, Expression
@@ -32,6 +44,12 @@ Entry = tuple[Any, dict[str, Any]]
 COUNTERS = (
     *("stage", "period", "search", "generation", "tried", "needed", "required", "num_lit", "last", "lead"),
 )
+#: and of those that are planned again, with numbers of the flights ahead and of the plan that is flown
+MORE_COUNTERS = ("flies", "flown", "flown_samples", "is_again", "end", "now", "coasts")
+#: control periods of a flight ahead that a call flies at least
+STRETCH = 30
+#: limits of plans that depend on how far the estimate may be off, as `aboard.note_limits` writes them
+NEAREST, FARTHEST, LONGEST_WAY, SIGHT, MAX_RANGE = range(5)
 #: of how many plans a part of a generation has at most: what a call tries at least
 MOST_TRIED = 8
 #: the state that an outlook's tables are read with: any will do
@@ -62,6 +80,55 @@ class Draws:
         return Array("state->drawn", (self._length,))
 
 
+class Uniform:
+    """A row of numbers that are all the same: a member of the state."""
+
+    ndim = 1
+
+    def __init__(self, array: Array, index: int) -> None:
+        self.used: list[str] = []
+        self._array, self._index = array, index
+
+    def at(self, translator: Translator, _: Any) -> Any:
+        """Return the number."""
+        return translator.element(self._array, self._index)
+
+
+class Replanning(NamedTuple):
+    """What the source says of plans that are made again in flight, and flown ahead before.
+
+    Attributes
+    ----------
+    period : int
+        Control periods from one plan to the next; 0 where one is made at the start alone.
+    num_generations, num_searches : int
+        Of a search from what is left of the last plan; of these the first generation is one.
+    stretch : int
+        Control periods of a flight ahead that are flown at once.
+    accepted, price : float
+        Points that a flight may leave, and what others cost, m/s.
+    limits : sequence of str
+        Of the C, that a search is given.
+    has_covariance : bool
+        Whether the estimate may be off.
+    notes_deadlines : bool
+        Whether in flights ahead points go dark for good at other times.
+    exchanged : sequence of str
+        Members of the state that flights ahead have of their own.
+    """
+
+    period: int
+    num_generations: int
+    num_searches: int
+    stretch: int
+    accepted: float
+    price: float
+    limits: tuple[str, ...]
+    has_covariance: bool
+    notes_deadlines: bool
+    exchanged: tuple[str, ...]
+
+
 @dataclass(frozen=True)
 class PushPlanner:
     """What the source says of a search that is translated.
@@ -80,11 +147,15 @@ class PushPlanner:
         Control periods from a decision of the rules to the next one.
     missed, missed_of_required : int
         Points that a plan may miss, and at a price of their own; the latter is -1 where all cost the same.
+    num_controls : int
+        Control periods of a flight.
     has_tail : bool
     functions : tuple of str
         Of the C, that the search alone calls.
     members : mapping of str to (shape, kind)
         Of the state, that the entries alone use.
+    again : Replanning or None
+        None where a plan is as good as the flight: it is made once, and not flown ahead.
     """
 
     num_pushes: int
@@ -98,9 +169,22 @@ class PushPlanner:
     most_lead: int
     missed: int
     missed_of_required: int
+    num_controls: int
     has_tail: bool
     functions: tuple[str, ...]
     members: Mapping[str, tuple[tuple[int, ...], str]] = field(default_factory=dict)
+    again: Replanning | None = None
+
+    @property
+    def num_parts(self) -> int:
+        """Parts of the first search, flights ahead among them, of which `controller_plan` tries some."""
+        parts = self.num_generations * self.num_searches * (self.num_plans // self.num_tried)
+        return parts + self.num_flown
+
+    @property
+    def num_flown(self) -> int:
+        """Parts of flights ahead from the start, of which there are two."""
+        return 2 * -(-self.num_controls // self.again.stretch) if self.again else 0
 
 
 def ranges_of(mission: Mission, controller: RuleController) -> dict[str, tuple[int, int]]:
@@ -128,15 +212,18 @@ def check(mission: Mission, known: Mission, controller: RuleController, num_rows
         With the fact and the cure.
     """
     name, cure = controller.name, "or add --bare: then its plan is an input"
-    if known != mission:
+    looks_beyond = any(
+        controller.constants[constant(name)] > 0.0 for name in ("foresight_after_s", "foresight_passive_s")
+    )
+    if known != mission and (looks_beyond or mission.after_s > 0.0):
         raise NotTranslatableError(
-            f"{name!r} plans again in flight where navigation, thrusters or motion have errors, which is not "
-            f"exported yet; set navigation=perfect, actuators=ideal and dynamics=cw, {cure}"
+            f"{name!r} would plan again by what errors lead to after the flight, which is not exported yet; "
+            f"set navigation=perfect, actuators=ideal and dynamics=cw, {cure}"
         )
-    if mission.has_true_course or mission.dynamics.model != "cw":
+    if mission.has_true_course or known.dynamics.model != "cw":
         raise NotTranslatableError(
             f"{name!r} would plan along the chief's own orbit, whose tables are not exported yet; set "
-            f"dynamics=cw, {cure}"
+            f"orbit.course=uniform, {cure}"
         )
     if num_rows > 1:
         raise NotTranslatableError(
@@ -151,13 +238,20 @@ def write_planner(
     now: Moment,
     work: Workspace,
     optics: FullOptics | None,
-    lead: int,
+    law: Law,
 ) -> PushPlanner:
     """Write the functions of a search as C, and return what their callers must know."""
     search, num_before = _Written(translator, deputies), len(translator.functions)
-    for name, (function, arguments) in {**search.of_outlooks(now, work, optics), **search.of_plans()}.items():
+    entries = {**search.of_outlooks(now, work, optics), **search.of_plans()}
+    if not deputies.is_certain:
+        entries |= search.of_later_plans()
+    for name, (function, arguments) in entries.items():
         translator.write(name, function, arguments)
     constant_of, num_pushes = deputies.constant, deputies.num_pushes
+    again, num_genes = None, 4 * num_pushes - 1
+    if not deputies.is_certain:
+        is_own = write_flight(translator, now, work, optics, law, deputies.world)
+        again = _replanning(deputies, search, notes_deadlines=is_own)
     (first, *others), planned = first_searches(deputies.controller), constant_of("foresight_points")
     num_after = max(deputies.after_s, constant_of("foresight_passive_s"))
     return PushPlanner(
@@ -169,9 +263,10 @@ def write_planner(
         step=deputies.step,
         stride=tail_stride(deputies.mission),
         num_beyond=num_after / deputies.world.control_period,
-        most_lead=lead,
+        most_lead=law.decision_stride,
         missed=num_missed(planned or constant_of("coast_below_points")),
         missed_of_required=num_missed(constant_of("coast_below_points")) if planned else -1,
+        num_controls=deputies.world.num_controls,
         has_tail=search.has_tail,
         functions=tuple(function.name for function in translator.functions[num_before:]),
         members={
@@ -179,7 +274,34 @@ def write_planner(
             **{f"plan_{name}": ((1,), "int") for name in COUNTERS},
             "plan_price": ((1,), "double"),
             "plan_force": ((3,), "double"),
+            **(_members_again(num_genes) if again else {}),
         },
+        again=again,
+    )
+
+
+def _members_again(num_genes: int) -> dict[str, tuple[tuple[int, ...], str]]:
+    """Return the members of a state that the entries use where plans are made again."""
+    return {
+        **{f"plan_{name}": ((1,), "int") for name in MORE_COUNTERS},
+        **{f"plan_{name}": ((num_genes,), "double") for name in ("next", "left")},
+        "plan_ends": ((2,), "double"),
+    }
+
+
+def _replanning(deputies: Deputies, search: "_Written", *, notes_deadlines: bool) -> Replanning:
+    efforts, mission = AGAIN_ON_BOARD[deputies.num_pushes], deputies.mission
+    return Replanning(
+        period=ahead_stride(deputies.controller, mission, "foresight_period_s"),
+        num_generations=efforts[0].num_generations + 1,
+        num_searches=len(efforts),
+        stretch=STRETCH,
+        accepted=float(np.ceil(max(1.0, deputies.constant("coast_below_points")))) - 1.0,
+        price=deputies.constant("rehearsal_point_m_s"),
+        limits=search.limits,
+        has_covariance=search.has_covariance,
+        notes_deadlines=notes_deadlines,
+        exchanged=(*EXCHANGED, *[DEADLINES] * notes_deadlines),
     )
 
 
@@ -198,6 +320,7 @@ class _Written:
         self._translator, self._deputies = translator, deputies
         self._num_pushes, self._num_points = deputies.num_pushes, self._known.is_lit.shape[1]
         self.has_tail = len(self._known.tail.rows) > 0
+        self.has_covariance = deputies.mission.navigation.mode == "fixes"
         self._reach = deputies.constant("foresight_reach_m_s") / self._known.delta_v_per_force
         self._state = self._member("state", 6)
         num_samples = len(self._known.free)
@@ -205,6 +328,7 @@ class _Written:
         lit = self._member("lit", num_samples, self._num_points, kind="unsigned char")
         self._is_lit = self._counted(lit, "samples")
         self._pricing = self._pricing_of(num_samples)
+        self._limits = self._member("limits", 5) if self.has_covariance else None
         self._search = self._search_of(4 * self._num_pushes - 1, FIRST[self._num_pushes].num_plans)
 
     def _member(self, name: str, *shape: int, kind: str = "double") -> Any:
@@ -266,19 +390,47 @@ class _Written:
         }
         return self._search._replace(**parts)
 
-    def _outlook(self, required: Any) -> Outlook:
+    def _outlook(self, required: Any, samples: Any = None) -> Outlook:
+        """Return an outlook from where a search begins, or with so many samples as are left of a plan."""
         tail: Any = self._known.tail
         if self.has_tail:  # of a circle's motion the constants are the state in which it begins
             rows, kicks = self._table("rows", tail.rows), self._table("kicks", tail.kicks)
             tail = tail._replace(rows=rows, kicks=kicks, constants=self._state)
         return self._known._replace(
-            free=self._free,
+            free=self._free if samples is None else replace(self._free, count=samples),
             points=self._known.points[:1],
             normals=self._known.normals[:1],
             is_lit=self._is_lit,
             required=required,
             tail=tail,
         )
+
+    def _priced(self, required: Any) -> Outlook:
+        """Return the outlook that plans are priced by: its limits depend on how far the estimate is off."""
+        outlook = self._outlook(required)
+        if self._limits is None:
+            return outlook
+        limits: dict[str, Any] = {
+            name: Expression(text) for name, text in zip(self._limit_names, self.limits, strict=True)
+        }
+        limits |= {
+            "heights": self._member("heights", self._num_points),
+            "sight": Uniform(self._limits, SIGHT),
+        }
+        return outlook._replace(**limits)
+
+    @property
+    def _limit_names(self) -> tuple[str, ...]:
+        """The limits of an outlook that the estimate's error changes, in its own order."""
+        known = self._known
+        names = "max_range", "nearest", "farthest", "longest_way"
+        return tuple(name for name in names if getattr(known, name) < np.inf)
+
+    @property
+    def limits(self) -> tuple[str, ...]:
+        """The same limits as C, in the same order."""
+        rows = {"max_range": MAX_RANGE, "nearest": NEAREST, "farthest": FARTHEST, "longest_way": LONGEST_WAY}
+        return tuple(f"state->plan_limits[{rows[name]}]" for name in self._limit_names if self.has_covariance)
 
     def of_outlooks(self, now: Moment, work: Workspace, optics: FullOptics | None) -> dict[str, Entry]:
         """Return the functions that look ahead, each with its arguments, by name."""
@@ -306,14 +458,14 @@ class _Written:
     def of_plans(self) -> dict[str, Entry]:
         """Return the functions that search for plans and fire them, each with its arguments, by name."""
         num_plans, num_genes = self._search.plans.shape
-        longest = max(NUM_DRAWS + num_genes, num_plans)
+        longest = self._longest
         search = {"search": self._search, "num_pushes": self._num_pushes}
         required = self._number("required", 0, self._num_points)
         has_prices = self._deputies.constant("foresight_points") > 0.0
         selection = {
             **{**search, "search": self._part()},
             **{name: self._number(name, 0, self._num_points) for name in ("num_lit", "needed")},
-            **{"outlook": self._outlook(required if has_prices else 0), "pricing": self._pricing},
+            **{"outlook": self._priced(required if has_prices else 0), "pricing": self._pricing},
             "is_exact": False,
         }
         fired = {"genes": self._member("chosen", num_genes), "num_pushes": self._num_pushes}
@@ -331,9 +483,68 @@ class _Written:
             "give": (
                 aboard.give,
                 {
-                    **{**fired, "outlook": self._outlook(0), "most_force": self._deputies.most_force},
+                    **{**fired, "outlook": self._flown, "most_force": self._deputies.most_force},
                     "period": self._number("period", 0, self._deputies.world.num_controls - 1),
                     "given": self._member("given", 4),
                 },
             ),
+        }
+
+    @property
+    def _longest(self) -> int:
+        """The longest row of random numbers."""
+        num_plans, num_genes = self._search.plans.shape
+        near = 0 if self._deputies.is_certain else (NUM_NEAR_DRAWS + 1) * num_genes
+        return max(NUM_DRAWS + num_genes, num_plans, near)
+
+    @property
+    def _flown(self) -> Outlook:
+        """The outlook of the plan that is flown, while another one may be searched for."""
+        if self._deputies.is_certain:
+            return self._outlook(0)
+        most = int(self._free.shape_whole[0])
+        return self._outlook(0, Expression("state->plan_flown_samples", "int", range=(1, most)))
+
+    def of_later_plans(self) -> dict[str, Entry]:
+        """Return the functions that plan again, and fly ahead, each with its arguments, by name."""
+        num_plans, num_genes = self._search.plans.shape
+        last, num_controls = self._member("left", num_genes), self._deputies.world.num_controls
+        chosen, periods = self._member("chosen", num_genes), self._number("period", 0, num_controls - 1)
+        fired: dict[str, Any] = {"num_pushes": self._num_pushes, "most_force": self._deputies.most_force}
+        given = self._member("given", 4)
+        near = {
+            **{"search": self._search, "last": last, "num_near": int(num_plans * NEAR_SHARE)},
+            "spread_n": NEAR_M_S / self._known.delta_v_per_force,
+            "spread_samples": NEAR_SAMPLES,
+            "draws": Draws((NUM_NEAR_DRAWS + 1) * num_genes, self._longest),
+        }
+        left = {**fired, "genes": chosen, "outlook": self._flown, "num_controls": num_controls}
+        left |= {"begun": self._number("begun", 0, num_controls - 1), "given": given, "left": last}
+        ahead = {**fired, "genes": self._member("next", num_genes), "outlook": self._outlook(0)}
+        held = {"genes": last, "num_pushes": self._num_pushes, "cost": Expression("cost", is_name=True)}
+        names = "spent", "beyond", "num_left", "accepted", "price"
+        costs: dict[str, Any] = {name: Expression(name, is_name=True) for name in names}
+        entries: dict[str, Entry] = {
+            "scatter_near": (aboard.scatter_near, near),
+            "note_left": (aboard.note_left, left),
+            "is_held": (aboard.is_held, {**held, "delta_v_per_force": self._known.delta_v_per_force}),
+            "give_ahead": (aboard.give, {**ahead, "period": periods, "given": given}),
+            "cost_ahead": (aboard.cost_ahead, costs),
+        }
+        if self._limits is not None:
+            entries["note_limits"] = (aboard.note_limits, self._limiting())
+        return entries
+
+    def _limiting(self) -> dict[str, Any]:
+        """Return what `aboard.note_limits` is given."""
+        deputies, geometry = self._deputies, self._deputies.geometry
+        return {
+            "bounds": deputies.bounds,
+            "rows": rows_of_spread(deputies.mission, 0, deputies.constant("foresight_period_s")),
+            "covariance": self._member("covariance", 36),
+            "heights_of_points": geometry.heights,
+            "sight": float(deputies.sights()[0][0]),
+            "max_range": geometry.max_range,
+            "heights": self._member("heights", self._num_points),
+            "limits": self._limits,
         }

@@ -153,6 +153,12 @@ class OnboardProgram:
     designed: RuleController
     planner: PushPlanner | None = None
 
+    @property
+    def has_covariance(self) -> bool:
+        """Whether it takes how far the estimate may be off."""
+        again = self.planner.again if self.planner else None
+        return again is not None and again.has_covariance
+
 
 def bounds(world: World) -> dict[tuple[str, str], Any]:
     """Return how often those loops run at most whose length is not known."""
@@ -283,7 +289,7 @@ def translate(
         translator.write("assure", assure, {"now": now, "cuts": work.cuts})
     planner = None
     if plans:
-        planner = _planner(translator, mission, flown, now, work, optics, law.decision_stride)
+        planner = _planner(translator, mission, flown, now, work, optics, law)
     write_restart(translator, now, is_in_plane=optics is None)
     named = [
         (name, dict(zip(CONSTANTS, choice.constants.tolist(), strict=True)))
@@ -302,14 +308,14 @@ def _planner(
     now: Moment,
     work: Any,
     optics: FullOptics | None,
-    lead: int,
+    law: Law,
 ) -> PushPlanner:
     """Write what plans the pushes of a controller with foresight."""
     known, (start,) = as_believed(mission, [ANYWHERE])
     check(mission, known, controller, len(pack_world(mission).points))
     known = replace(known, attitude=replace(mission.attitude, mode="ideal"))
     deputies = at_start(mission, known, controller, [start], 0, LANES)
-    return write_planner(translator, deputies, now, work, optics, lead)
+    return write_planner(translator, deputies, now, work, optics, law)
 
 
 def moment(translator: Translator, world: World) -> tuple[Moment, Any]:

@@ -25,7 +25,7 @@ from pipeline.flight.period.look.optics import sun_after
 from pipeline.flight.state.log import REHEARSED, FlightLog, Scenario
 from pipeline.onboard.interface import dtype_of
 from pipeline.onboard.messages import OUTPUT as ANSWERED
-from pipeline.onboard.messages import START, STEP
+from pipeline.onboard.messages import START, STEP, STEP_AND_COVARIANCE
 from pipeline.onboard.prefix import USUAL
 from pipeline.onboard.program import OnboardProgram
 
@@ -48,14 +48,14 @@ def start_type(num_points: int) -> np.dtype[Any]:
     return dtype_of(START, num_points)
 
 
-def step_type(num_points: int) -> np.dtype[Any]:
+def step_type(num_points: int, *, has_covariance: bool = False) -> np.dtype[Any]:
     """Return the layout of ``struct controller_step_input``."""
-    return dtype_of(STEP, num_points)
+    return dtype_of(STEP_AND_COVARIANCE if has_covariance else STEP, num_points)
 
 
-def vector_type(num_points: int) -> np.dtype[Any]:
-    """Return the layout of ``struct vector_step``."""
-    fields = [("input", step_type(num_points)), ("choice", "i4"), ("force_n", "f8", 3)]
+def vector_type(step: np.dtype[Any]) -> np.dtype[Any]:
+    """Return the layout of ``struct vector_step`` with an input of a `step_type`."""
+    fields = [("input", step), ("choice", "i4"), ("force_n", "f8", 3)]
     return np.dtype(fields, align=True)
 
 
@@ -74,7 +74,8 @@ def recorded(program: OnboardProgram, scenario: Scenario, log: FlightLog) -> Rec
     elevation = float(np.cos(case.sun_elevation)), float(np.sin(case.sun_elevation))
     start = np.zeros((), start_type(world.num_points))
     start["sun_angle"], start["sun_elevation"], start["counts"] = angle, elevation, counts
-    steps = np.zeros(world.num_controls, step_type(world.num_points))
+    has_covariance = program.has_covariance
+    steps = np.zeros(world.num_controls, step_type(world.num_points, has_covariance=has_covariance))
     steps["period"] = np.arange(world.num_controls)
     is_given = (log.command_reason == REHEARSED).any(axis=1) & (program.planner is None)
     steps["is_given"], steps["given_n"] = is_given, np.where(is_given[:, None], log.force_asked_n, 0.0)
@@ -85,6 +86,8 @@ def recorded(program: OnboardProgram, scenario: Scenario, log: FlightLog) -> Rec
     with plainly("pipeline"):
         for k, step in enumerate(steps):
             step["sun_angle"], step["sun_elevation"] = sun_after(world, angle, elevation, k)
+    if has_covariance:
+        steps["covariance"] = log.estimate_covariance[:-1].reshape(-1, 36)
     steps["unseen"] = (counts > 0) & ~log.is_inspected[:-1]
     rows = [[row[name] for name in program.parameters] for _, row in program.choices]
     return Recorded(start, steps, _chosen(program, scenario), rows, program.planner is not None)
@@ -101,8 +104,7 @@ def _chosen(program: OnboardProgram, scenario: Scenario) -> dict[int, int]:
 
 def vector_of(flights: Sequence[Recorded], logs: Sequence[FlightLog]) -> tuple[Any, Any]:
     """Return a test vector: (n,) records of `start_type` and (n, K) of `vector_type`."""
-    num_points = flights[0].start.dtype["counts"].shape[0]
-    steps = np.zeros((len(flights), len(flights[0].steps)), vector_type(num_points))
+    steps = np.zeros((len(flights), len(flights[0].steps)), vector_type(flights[0].steps.dtype))
     for row, flight, log in zip(steps, flights, logs, strict=True):
         row["input"], row["force_n"] = flight.steps, log.force_commanded_n
         row["choice"] = [flight.choices.get(k, -1) for k in range(len(row))]
@@ -175,6 +177,8 @@ class Library:
             if k in flight.choices:
                 self.choose(flight.parameters[flight.choices[k]])
             self.step(flight.steps[k : k + 1], outputs[k : k + 1])
+            if flight.plans:  # again, where it does so
+                self.plan()
         return outputs
 
 

@@ -38,6 +38,10 @@ OF_ENTRIES = frozenset(
         *("plan_state", "plan_best", "plan_cost", "plan_given"),
     }
 )
+#: and those that they do where plans are made again in flight
+OF_FLIGHTS_AHEAD = frozenset(
+    {"spent", "beyond", "y_before", "plan_costs", "plan_prices", "plan_mutants", "plan_limits"}
+)
 #: what a compiler must not do, where it says that it does
 FLOATING_POINT = """\
 #if defined __FINITE_MATH_ONLY__ && (__FINITE_MATH_ONLY__ > 0)
@@ -81,7 +85,9 @@ class Sources:
 
 def sources(program: OnboardProgram, prefix: str = USUAL) -> Sources:
     """Return the source of a program; the names that other files see begin with the prefix."""
-    functions = without_dead_stores(program.translator.functions, OF_ENTRIES)
+    again = program.planner.again if program.planner else None
+    of_entries = OF_ENTRIES | OF_FLIGHTS_AHEAD if again else OF_ENTRIES
+    functions = without_dead_stores(program.translator.functions, of_entries)
     lines = [line for function in functions for line in function.lines]
     tables = [
         table for each in program.translator.tables.values() if (table := ConstantTable(each, lines)).is_used
@@ -93,7 +99,7 @@ def sources(program: OnboardProgram, prefix: str = USUAL) -> Sources:
     members = {
         name: member
         for name, member in program.translator.members.items()
-        if name in OF_ENTRIES | read_members
+        if name in of_entries | read_members
     }
     members |= {"num_unseen": ((1,), "double"), "started": ((1,), "int")}
     members |= {f"last_{name}": ((3,), "double") for name in ("position", "velocity")}
@@ -102,6 +108,8 @@ def sources(program: OnboardProgram, prefix: str = USUAL) -> Sources:
         members["counted"] = ((program.world.num_points,), "unsigned char")
     if program.planner:
         members |= program.planner.members
+    if again:
+        members |= {f"ahead_{name}": members[name] for name in again.exchanged if name in members}
     code = [Line(text) for text in _opening(program)]
     if program.planner:
         at = next(i for i, line in enumerate(code) if line.text == "#include <stdbool.h>")
@@ -180,6 +188,7 @@ def _interface(program: OnboardProgram, members: Mapping[str, Any]) -> Interface
         parameters={name: designed[name] for name in program.parameters},
         members=members,
         functions=program.translator.functions,
+        has_covariance=program.has_covariance,
         axes="body" if program.law.force_axes == BODY else "Hill",
         limits="0 none, 1 keep out, 2 keep in, 3 speed, 4 passive safety",
     )

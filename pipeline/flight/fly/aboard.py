@@ -1,9 +1,14 @@
 """Plans as they are made on board: from a state alone, sum by sum, so that C gives the same bits.
 
-A controller with `foresight_bare` plans in this way: no flight is flown ahead, and the camera is taken to be
-aimed at the chief. Here is where it would drift, what will be lit, how many points it must see, and what a
-plan fires when. `pipeline.onboard` translates these functions.
+A controller with `foresight_bare` plans in this way: the camera is taken to be aimed at the chief, and plans
+are flown ahead only where they are made again. Here is where it would drift, what will be lit, how many
+points it must see, how far it may go, what a plan fires when, and what is left of one. `pipeline.onboard`
+translates these functions.
 """
+
+from typing import NamedTuple
+
+import numpy as np
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, load_at
@@ -11,11 +16,32 @@ from fis_tools.compiled.vectors import load, select, store
 from pipeline.array_types import Bytes, Floats
 from pipeline.flight.fly.foresight import Outlook, num_periods, sample_of
 from pipeline.flight.fly.prices import fired
-from pipeline.flight.fly.pushes import LATEST, LATEST_OF_ENDS, PlanSearch, begin
+from pipeline.flight.fly.pushes import LATEST, LATEST_OF_ENDS, PlanSearch, begin, gather
 from pipeline.flight.period.look.guidance import POINTS
 from pipeline.flight.period.look.optics import beam_from, lit_points, sun_after
 from pipeline.flight.state.arrays import FullOptics, World
 from pipeline.physics.motion import position_after, propagator_of, velocity_after
+
+#: by how much plans see points beyond their horizons, and keep inside the limits besides what the rules keep:
+#: for what happens between two samples, m, and for what is not known, in standard deviations of the position
+MARGIN_M, SPREADS = 0.3, 1.0
+#: the most by which what is left of a plan may fall short of what it must see, as priced, m/s, to be flown on
+SLACK_M_S = 0.005
+#: cost of a flight ahead that leaves the limits, more than any can spend
+OUTSIDE_M_S = 1e4
+
+
+class Bounds(NamedTuple):
+    """What limits the way of a deputy, m, m/s and s."""
+
+    nearest: float  # least distance allowed
+    farthest: float  # greatest distance allowed
+    inside: float  # by how much the rules keep inside these
+    keep_out: float  # radii that the safety layer keeps; infinite without it
+    keep_in: float
+    fastest: float  # along an axis, which the safety layer can stop in a control period; infinite without it
+    seconds: float  # from one sample at which plans are priced to the next
+    period: float  # from one plan to the next; infinite where there is but one
 
 
 @compiled(error_model="numpy")
@@ -130,6 +156,87 @@ def scatter(search: PlanSearch, draws: Floats) -> None:
 
 
 @compiled(error_model="numpy")
+def scatter_near(
+    search: PlanSearch, last: Floats, num_near: int, spread_n: float, spread_samples: float, draws: Floats
+) -> None:
+    """Write plans near what is left of the last one, and one that does nothing, in place of the first."""
+    gather(search.plans, search.lowest, search.highest, last, num_near, spread_n, spread_samples, draws)
+    begin(search)
+
+
+@compiled(error_model="numpy")
+def spread_of(rows: Floats, covariance: Floats) -> float:
+    """Return at least how far a position may be off in any direction, m, a standard deviation.
+
+    `rows`, (3, 6), lead to it from a state whose covariance is given, (6, 6) one after the other. The norm of
+    its own is at least its greatest eigenvalue.
+    """
+    square = 0.0
+    for i in range(3):
+        for j in range(3):
+            entry = 0.0
+            for p in range(6):
+                for q in range(6):
+                    entry = entry + rows[i, p] * covariance[6 * p + q] * rows[j, q]
+            square = square + entry * entry
+    return np.sqrt(np.sqrt(square))
+
+
+@compiled(error_model="numpy")
+def margin_of(spread: float) -> float:
+    """Return how much farther away than need be plans stay, m, where the position may be so far off."""
+    return MARGIN_M + SPREADS * spread
+
+
+@compiled(error_model="numpy")
+def limits_of(bounds: Bounds, margin: float) -> Three:
+    """Return least and greatest distance of plans, and their longest way from a sample to the next, m."""
+    inside = bounds.inside + margin
+    nearest = max(bounds.nearest + inside, bounds.keep_out + margin)
+    farthest = min(bounds.farthest - inside, bounds.keep_in - margin)
+    return Three(nearest, farthest, bounds.seconds * (bounds.fastest - margin / bounds.period))
+
+
+@compiled(error_model="numpy")
+def note_limits(
+    bounds: Bounds,
+    rows: Floats,
+    covariance: Floats,
+    heights_of_points: Floats,
+    sight: float,
+    max_range: float,
+    heights: Floats,
+    limits: Floats,
+) -> None:
+    """Write what plans keep to: heights of points' horizons, (P,), and other limits, (5,), all m."""
+    margin = margin_of(spread_of(rows, covariance))
+    kept = limits_of(bounds, margin)
+    for point in range(len(heights)):
+        heights[point] = heights_of_points[point] + margin
+    limits[0], limits[1], limits[2] = kept.x, kept.y, kept.z
+    limits[3], limits[4] = sight + margin, max_range - margin
+
+
+@compiled(error_model="numpy")
+def is_held(genes: Floats, num_pushes: int, cost: float, delta_v_per_force: float) -> bool:
+    """Return whether what is left of a plan, at its price, m/s, is still nearly good enough."""
+    spent = 0.0
+    for part in range(3 * num_pushes):
+        spent = spent + abs(genes[part])
+    return cost <= spent * delta_v_per_force + SLACK_M_S
+
+
+@compiled(error_model="numpy")
+def cost_ahead(spent: float, beyond: float, num_left: float, accepted: float, price: float) -> float:
+    """Return the cost of a flight ahead, m/s: delta-v, and prices of points left and of leaving the limits.
+
+    So many points may be left at no cost. See `rehearsed_costs`.
+    """
+    cost = spent + price * max(0.0, num_left - accepted)
+    return cost + OUTSIDE_M_S if beyond > 0.0 else cost
+
+
+@compiled(error_model="numpy")
 def give(
     genes: Floats, num_pushes: int, outlook: Outlook, most_force: float, period: int, given: Floats
 ) -> None:
@@ -150,3 +257,37 @@ def give(
                 given[component % 3] += part / count
     if period >= end:
         given[3] = 1.0
+
+
+@compiled(error_model="numpy")
+def note_left(
+    genes: Floats,
+    num_pushes: int,
+    outlook: Outlook,
+    most_force: float,
+    num_controls: int,
+    begun: int,
+    given: Floats,
+    left: Floats,
+) -> None:
+    """Write what a plan that began so many control periods ago would still fire, as a plan's genes.
+
+    Pushes beyond one now and the next ones later are left out; those in a row are parts of one. Parts of a
+    flight of `num_controls` periods that come after its end fire nothing.
+    """
+    push, was_fired = 0, False
+    for gene in range(len(left)):
+        left[gene] = 0.0
+    for period in range(num_controls):
+        if begun + period < num_controls:
+            give(genes, num_pushes, outlook, most_force, begun + period, given)
+            is_fired = given[0] != 0.0 or given[1] != 0.0 or given[2] != 0.0
+            is_part = period > 0 and was_fired
+            if is_fired and period > 0 and not is_part:
+                push += 1
+            if is_fired and push < num_pushes:
+                for axis in range(3):
+                    left[3 * push + axis] += given[axis]
+                if push > 0 and not is_part:
+                    left[3 * num_pushes + push - 1] = period / outlook.step + 0.01
+            was_fired = is_fired

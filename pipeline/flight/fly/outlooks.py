@@ -6,6 +6,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from fis_tools.compiled.decorator import plain
+from fis_tools.compiled.three import Three
 from fis_tools.engines.kernel import LANES
 from pipeline.array_types import Booleans, Bytes, Floats, Integers
 from pipeline.flight.cases.actuators import thrusters_of
@@ -13,7 +15,15 @@ from pipeline.flight.cases.navigation import filter_of
 from pipeline.flight.cases.starts import Cases, cases_of, starts_of
 from pipeline.flight.control.controller import RuleController, from_fuzzy
 from pipeline.flight.control.law import law_of
-from pipeline.flight.fly.aboard import note_products, num_needed
+from pipeline.flight.fly.aboard import (
+    Bounds,
+    limits_of,
+    margin_of,
+    note_products,
+    num_needed,
+    predict,
+    spread_of,
+)
 from pipeline.flight.fly.drift import drift_from, tail_along
 from pipeline.flight.fly.foresight import (
     NO_TAIL,
@@ -25,9 +35,10 @@ from pipeline.flight.fly.foresight import (
     lit_at_samples,
     sight_along,
 )
-from pipeline.flight.fly.population import fly_population
-from pipeline.flight.fly.workspace import make_workspace
-from pipeline.flight.state.arrays import NUM_TRACKED, TRACK_BORESIGHT, World
+from pipeline.flight.fly.many import Results, fly_many
+from pipeline.flight.fly.population import flights_of, fly_population
+from pipeline.flight.fly.workspace import make_state, make_workspace
+from pipeline.flight.state.arrays import NUM_OUTCOMES, NUM_TRACKED, TRACK_BORESIGHT, World
 from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.flight.state.signals import constant
 from pipeline.flight.world.bounds import guard_of
@@ -42,9 +53,8 @@ LOOK_S = {2: 30.0, 3: 20.0}
 #: by how many standard deviations along the track, of the estimate and of what thrusters fire, what follows
 #: plans stays within the limits
 TAIL_SPREADS = 2.0
-#: by how much plans see points beyond their horizons, and keep inside the limits besides what the rules keep:
-#: for what happens between two samples, m, and for what is not known, in standard deviations of the position
-MARGIN_M, SPREADS = 0.3, 1.0
+#: control periods before a plan begins in which a search on board knows where, and what is left to inspect
+LEAD = 1
 #: a component of a push smaller than this is not commanded, m/s, nor one that thrusters would not fire whose
 #: scale is so many standard deviations too small
 LEAST_M_S, LEAST_SPREADS = 3e-4, 2.0
@@ -123,16 +133,27 @@ def _strided(mission: Mission, sample: int, step: int) -> Geometry:
     )
 
 
-def spread_after(mission: Mission, sample: int, covariances: Floats, seconds: float) -> Floats:
-    """Return how far positions may be off a time after a sample, in free motion, (m,), m: a deviation.
-
-    It is the largest along any direction, of covariances of position and velocity, (m, 6, 6).
-    """
+def rows_of_spread(mission: Mission, sample: int, seconds: float) -> Floats:
+    """Return what leads from a state at a sample to the position a time after it, in free motion, (3, 6)."""
     world = pack_world(mission)
     periods = round(seconds / world.control_period)
     phi, course = np.linalg.matrix_power(world.motion.transition[0], periods)[:3], world.transitions
     if follows_course(course):
         phi = course.onward[min(sample + periods, len(course.onward) - 1), :3] @ course.back[sample]
+    return np.ascontiguousarray(phi)
+
+
+def spread_after(
+    mission: Mission, sample: int, covariances: Floats, seconds: float, *, is_bare: bool = False
+) -> Floats:
+    """Return how far positions may be off a time after a sample, in free motion, (m,), m: a deviation.
+
+    It is the largest along any direction, of covariances of position and velocity, (m, 6, 6); on board a
+    number that is at least as great.
+    """
+    phi = rows_of_spread(mission, sample, seconds)
+    if is_bare:
+        return np.array([spread_of(phi, each.ravel()) for each in covariances])
     return np.asarray(np.sqrt(np.linalg.eigvalsh(phi @ covariances @ phi.T)[:, -1].clip(0.0)))
 
 
@@ -213,8 +234,34 @@ class Deputies:
 
     @property
     def is_bare(self) -> bool:
-        """Whether they plan as on board: by geometry alone, and sum by sum."""
+        """Whether they plan as on board: sum by sum, and ahead of what they see and estimate."""
         return self.constant("foresight_bare") > 0.0
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether the mission is as they know it, but for their camera: then plans are made once."""
+        return replace(self.known, attitude=self.mission.attitude) == self.mission
+
+    @property
+    def geometry(self) -> Geometry:
+        """The chief and the deputies' camera as they know them."""
+        return _geometry(self.known)
+
+    @property
+    def bounds(self) -> Bounds:
+        """What limits their way."""
+        world, guard, infinite = self.world, self.world.guard, float("inf")
+        return Bounds(
+            nearest=world.min_distance,
+            farthest=world.max_distance,
+            inside=self.constant("coast_margin_m"),
+            keep_out=guard.keep_out if guard.is_on else -infinite,
+            keep_in=guard.keep_in if guard.is_on else infinite,
+            # it stops whoever is faster along an axis than it can brake in a control period
+            fastest=guard.braking_force * world.delta_v_per_force if guard.is_on else infinite,
+            seconds=self.step * world.control_period,
+            period=self.constant("foresight_period_s") or infinite,
+        )
 
     def only(self, flights: Integers) -> "Deputies":
         """Return the deputies of these flights alone."""
@@ -253,9 +300,9 @@ class Deputies:
 
     def outlooks(self) -> list[tuple[Outlook, int]]:
         """Return, for each flight, what prices its plans, and the number of points they must see."""
-        return [self._outlook(flight, sight) for flight, sight in enumerate(self._sights())]
+        return [self._outlook(flight, sight) for flight, sight in enumerate(self.sights())]
 
-    def _sights(self) -> Sequence[Floats]:
+    def sights(self) -> Sequence[Floats]:
         """Return the distances from which each camera covers all, (K+1 - sample,), coasting from here."""
         count, num_samples = len(self.believed), self.world.num_controls + 1 - self.sample
         radius, half_angle = _geometry(self.known).radius, self.known.sensor.narrowest_deg
@@ -273,16 +320,8 @@ class Deputies:
         world, scenario, geometry = self.world, self.believed[flight], _geometry(self.known)
         parts = _strided(self.known, self.sample, self.step)
         is_lit, needed, required = self._points(flight)
-        margin = MARGIN_M + SPREADS * float(self.spreads_m[flight])
-        inside = self.constant("coast_margin_m") + margin
-        longest_way, seconds = np.inf, self.step * world.control_period
-        nearest, farthest = world.min_distance + inside, world.max_distance - inside
-        if world.guard.is_on:
-            nearest = max(nearest, world.guard.keep_out + margin)
-            farthest = min(farthest, world.guard.keep_in - margin)
-            # it stops whoever is faster along an axis than it can brake in a control period
-            fastest = world.guard.braking_force * world.delta_v_per_force
-            longest_way = seconds * (fastest - margin / (self.constant("foresight_period_s") or np.inf))
+        margin = plain(margin_of)(float(self.spreads_m[flight]))
+        nearest, farthest, longest_way = plain(limits_of)(self.bounds, margin)
         outlook = Outlook(
             free=self._product(parts.drift, np.r_[scenario.position_m, scenario.velocity_m_s]),
             gain=parts.gain,
@@ -378,20 +417,27 @@ def later(
     """Return deputies at a later sample, with their cameras aimed by then.
 
     They fly from their starts, of which `cases` are made, with the openings so far, (m, K, 4); the next
-    decision is due after so many control periods.
+    decision is due after so many control periods. On board it is known `LEAD` control periods before where
+    they will be.
     """
     mission, flown = deputies.mission, finishing(deputies.controller)
-    world = pack_world(mission)._replace(last=sample)
+    lead = min(LEAD, sample) if deputies.is_bare else 0
+    known_at = sample - lead
+    world = pack_world(mission)._replace(last=known_at)
     num_points, is_filtered = world.num_points, mission.navigation.mode == "fixes"
     rows = np.empty((len(scenarios), 6 + num_points + 36 * is_filtered))
     fly_population(
         *(world, law_of(flown, mission), flown.numbers, cases, 1),
-        openings=np.ascontiguousarray(openings[:, :sample]),  # another memory layout would be compiled anew
+        openings=np.ascontiguousarray(openings[:, :known_at]),  # another memory layout would be compiled anew
         lanes=deputies.lanes,
         known=rows,
     )
     left = np.zeros((len(scenarios), world.points.shape[2]), dtype=np.uint8)
     left[:, :num_points] = rows[:, 6 : 6 + num_points]
+    if lead:
+        forces = _commanded(flown, mission, cases, openings, known_at, deputies.lanes)
+        for row, force in zip(rows, forces, strict=True):
+            predict(deputies.world, row[:6], Three(*force.tolist()), lead)
     believed = [
         replace(start, position_m=row[:3], velocity_m_s=row[3:6])
         for start, row in zip(scenarios, rows, strict=True)
@@ -399,7 +445,8 @@ def later(
     spreads, covariances = np.zeros(len(scenarios)), np.zeros((len(scenarios), 6, 6))
     if is_filtered:
         covariances = rows[:, 6 + num_points :].reshape(-1, 6, 6)
-        spreads = spread_after(mission, sample, covariances, period * mission.control_period_s)
+        seconds = period * mission.control_period_s
+        spreads = spread_after(mission, sample, covariances, seconds, is_bare=deputies.is_bare)
     known = replace(deputies.known, attitude=replace(mission.attitude, mode="ideal"))
     return replace(
         deputies,
@@ -410,6 +457,22 @@ def later(
         sample=sample,
         left=left,
     )
+
+
+def _commanded(
+    controller: RuleController, mission: Mission, cases: Cases, openings: Floats, sample: int, lanes: int
+) -> Floats:
+    """Return what flights with openings, (m, K, 4), command at a sample, (m, 3), N, Hill axes."""
+    world, law = pack_world(mission)._replace(last=sample + 1), law_of(controller, mission)
+    opened = np.ascontiguousarray(openings[:, : sample + 1])
+    parts, flights, _ = flights_of(world, law, controller.numbers, cases, opened)
+    state, work = make_state(world, parts[-1], lanes), make_workspace(world, lanes)
+    results, forces = Results(np.empty((len(cases), NUM_OUTCOMES))), np.empty((len(cases), 3))
+    for first in range(0, len(cases), lanes):
+        last = min(first + lanes, len(cases))
+        fly_many(*parts, flights, state, work, results, first, last)
+        forces[first:last] = state.lanes.commanded[:, : last - first].T
+    return forces
 
 
 def at_start(

@@ -26,6 +26,8 @@ NUM_DRAWS = 6
 #: of plans near one that is known: their share of the first, spread of their pushes, m/s, and of their times,
 #: samples
 NEAR_SHARE, NEAR_M_S, NEAR_SAMPLES = 0.75, 0.006, 5.0
+#: uniform numbers whose sum takes the place of a normal one's where such plans are made on board
+NUM_NEAR_DRAWS = 4
 #: plans are distinct where first pushes differ by more than this along all axes together, m/s, or second
 #: ones by more than this, s
 DISTINCT_M_S, DISTINCT_S = 0.03, 300.0
@@ -162,6 +164,47 @@ def begin(search: PlanSearch) -> None:
 
 
 @compiled(error_model="numpy")
+def gather(
+    plans: Floats,
+    lowest: Floats,
+    highest: Floats,
+    last: Floats,
+    num_near: int,
+    spread_n: float,
+    spread_samples: float,
+    draws: Floats,
+) -> None:
+    """Write plans near what is left of the last one, itself the first of them, and one that does nothing.
+
+    Parameters
+    ----------
+    plans : (n, G)
+        The first of them are written.
+    lowest, highest : (G,)
+        Bounds of genes.
+    last : (G,)
+    num_near : int
+        How many plans are near the last one.
+    spread_n, spread_samples : float
+        Standard deviations of forces, N, and of times, samples.
+    draws : (num_near, G (NUM_NEAR_DRAWS + 1))
+        Numbers from 0 to 1.
+    """
+    for plan in range(num_near):
+        drawn = draws[plan]
+        for gene in range(plans.shape[1]):
+            value, first = last[gene], gene * (NUM_NEAR_DRAWS + 1)
+            # the sum of four has a variance of a third; every other gene stays as it is
+            if plan > 0 and drawn[first + NUM_NEAR_DRAWS] < 0.5:
+                off = drawn[first] + drawn[first + 1] + drawn[first + 2] + drawn[first + 3] - 2.0
+                is_time = 4 * gene >= 3 * (plans.shape[1] + 1)
+                value = value + (spread_samples if is_time else spread_n) * np.sqrt(3.0) * off
+            plans[plan, gene] = min(highest[gene], max(lowest[gene], value))
+    for gene in range(plans.shape[1]):
+        plans[num_near, gene] = 0.0
+
+
+@compiled(error_model="numpy")
 def breed(search: PlanSearch, draws: Floats) -> None:
     """Write a mutant of each plan; `draws`, (n, NUM_DRAWS + G), are numbers from 0 to 1."""
     rank(search)
@@ -267,11 +310,13 @@ def search_pushes(
     last: Floats | None = None,
     *,
     is_exact: bool = False,
+    is_bare: bool = False,
 ) -> PushSearch:
     """Search for the cheapest plan, of components up to `reach_m_s`, by which so many points are seen.
 
-    The genes of a `last` plan, those of plans near it, and doing nothing are among the first, if it is given.
-    Where `is_exact`, all plans are priced to the end, also those that are not followed up.
+    The genes of a `last` plan, those of plans near it, and doing nothing are among the first, if it is given;
+    where `is_bare`, they are drawn as on board. Where `is_exact`, all plans are priced to the end, also those
+    that are not followed up.
     """
     num_samples, num_later = len(outlook.free), num_pushes - 1
     reach = reach_m_s / outlook.delta_v_per_force
@@ -280,8 +325,14 @@ def search_pushes(
     highest = np.r_[np.full(3 * num_pushes, reach), np.full(num_later, latest)]
     genes = np.empty((effort.num_generations + 1, len(lowest), effort.num_plans))
     genes[0] = lowest[:, np.newaxis] + (highest - lowest)[:, np.newaxis] * generator.random(genes.shape[1:])
-    if last is not None:
-        num_near = int(effort.num_plans * NEAR_SHARE)
+    num_near = int(effort.num_plans * NEAR_SHARE)
+    if last is not None and is_bare:
+        drawn = generator.random((num_near, (NUM_NEAR_DRAWS + 1) * len(lowest)))
+        spreads_near = NEAR_M_S / outlook.delta_v_per_force, NEAR_SAMPLES
+        first_plans = np.ascontiguousarray(genes[0].T)
+        gather(first_plans, lowest, highest, last, num_near, *spreads_near, drawn)
+        genes[0] = first_plans.T
+    elif last is not None:
         spreads = np.r_[
             np.full(3 * num_pushes, NEAR_M_S / outlook.delta_v_per_force), np.full(num_later, NEAR_SAMPLES)
         ]

@@ -16,6 +16,7 @@ from pipeline.flight.cases.navigation import as_believed, as_drawn
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.control.law import law_of, rehearsed_pushes
+from pipeline.flight.fly.aboard import OUTSIDE_M_S
 from pipeline.flight.fly.population import fly_population, lanes_of_group
 from pipeline.flight.fly.tours import following, rehearsal_samples, tour_images
 from pipeline.flight.state.arrays import Guard
@@ -26,8 +27,6 @@ from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
 from pipeline.threads import in_threads
 
-#: rehearsal cost of leaving the limits, more than any flight can spend
-OUTSIDE_M_S = 1e4
 #: flights that are drawn together: so many fly side by side at no further cost
 NUM_DRAWN = LANES
 

@@ -12,12 +12,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fis_tools.compiled.decorator import plain
 from fis_tools.engines.kernel import LANES
 from pipeline.array_types import Booleans, Floats, Integers
 from pipeline.flight.cases.navigation import as_believed
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import Controller, RuleController
 from pipeline.flight.control.law import ahead_stride
+from pipeline.flight.fly.aboard import is_held
 from pipeline.flight.fly.outlooks import Deputies, at_start, finishing, later, rehearsing, rehearsing_once
 from pipeline.flight.fly.prices import price_pushes
 from pipeline.flight.fly.pushes import Effort, PushSearch, search_pushes
@@ -30,8 +32,8 @@ from pipeline.settings.experiment import Mission
 #: of a search by the number of pushes: the first ones of a flight, and when it plans again
 FIRST = {2: Effort(32, 74), 3: Effort(64, 234)}
 AGAIN = {2: (Effort(16, 14),), 3: (Effort(64, 40),)}
-#: the most by which what is left of a plan may fall short of what it must see, as priced, m/s, to be flown on
-SLACK_M_S = 0.005
+#: on board each search has as many plans side by side, so that they have the same room
+AGAIN_ON_BOARD = {2: (Effort(32, 29),), 3: AGAIN[3]}
 #: further searches, of `MOST_PUSHES`, one after the other, where these see too little
 HARDER = {2: (Effort(32, 187),) * 2, 3: (Effort(64, 234),) * 2}
 MOST_PUSHES = 3
@@ -117,6 +119,8 @@ def foresee(
     known, believed = as_believed(mission, scenarios)
     period = ahead_stride(controller, mission, "foresight_period_s")
     samples = range(0, mission.num_controls, period) if period and known != mission else [0]
+    # on board a plan begins where the deputy estimates to be, also the first one
+    is_known_first = controller.constants[constant("foresight_bare")] == 0.0 or known == mission
     if controller.constants[constant("foresight_bare")] > 0.0:
         known = replace(known, attitude=replace(mission.attitude, mode="ideal"))
     deputies = first = at_start(mission, known, controller, believed, period, lanes)
@@ -124,7 +128,7 @@ def foresee(
     flights, starts, cases = np.arange(len(scenarios)), scenarios, None
     for sample in samples:
         before = foreseen.openings[flights]
-        if sample > 0:
+        if sample > 0 or not is_known_first:
             if cases is None:  # rehearsals compete at the start alone
                 flights = np.flatnonzero(~foreseen.is_rehearsed)
                 if not len(flights):
@@ -154,7 +158,8 @@ class _Choice:
         self._num_priced = np.zeros(count, dtype=np.int64)
         self.ends = np.full((len(ENDS), count), np.nan)
         is_first = deputies.sample == 0
-        efforts = first_searches(deputies.controller) if is_first else AGAIN[num_pushes]
+        again = AGAIN_ON_BOARD if deputies.is_bare else AGAIN
+        efforts = first_searches(deputies.controller) if is_first else again[num_pushes]
         kept_plans = [None if is_first else self._held(flight, num_pushes) for flight in range(count)]
         self._searches = [
             self._search(flight, num_pushes, efforts) if plan is None else plan
@@ -164,10 +169,12 @@ class _Choice:
         anew = np.array([flight for flight, plan in enumerate(kept_plans) if plan is None], dtype=np.int64)
         if len(anew):
             searches = [self._searches[flight] for flight in anew]
-            if deputies.is_bare:
+            if deputies.is_bare and deputies.is_certain:
                 _, self.openings[anew] = self._planned(anew, searches)
-                return
-            self.openings[anew], self.ends[:2, anew], is_short[anew] = self._ahead(anew, searches)
+            else:
+                self.openings[anew], self.ends[:2, anew], is_short[anew] = self._ahead(anew, searches)
+        if deputies.is_bare:
+            return
         if is_first:
             rehearsed_flights = deputies.fly(rehearsing(deputies.controller))
             self.ends[RULES] = rehearsed_costs(deputies.controller, rehearsed_flights)
@@ -219,8 +226,8 @@ class _Choice:
             return None
         genes, costs = last[np.newaxis, :, np.newaxis], np.empty((1, 1))
         price_pushes(genes[0], num_pushes, needed, outlook, costs[0])
-        spent = np.abs(last[: 3 * num_pushes]).sum() * outlook.delta_v_per_force
-        return PushSearch(genes, costs) if costs[0, 0] <= spent + SLACK_M_S else None
+        is_good = plain(is_held)(last, num_pushes, costs[0, 0], outlook.delta_v_per_force)
+        return PushSearch(genes, costs) if is_good else None
 
     def _search(
         self, flight: int, num_pushes: int, efforts: Sequence[Effort], attempt: int = 0
@@ -238,7 +245,9 @@ class _Choice:
             key = deputies.sample, attempt, number
             generator = np.random.default_rng(np.random.SeedSequence(words, spawn_key=key))
             search = search_pushes(
-                outlook, num_pushes, needed, reach, effort, generator, last, is_exact=self._records
+                *(outlook, num_pushes, needed, reach, effort, generator, last),
+                is_exact=self._records,
+                is_bare=deputies.is_bare,
             )
             searches.append(search)
         self._num_priced[flight] += sum(search.costs.size for search in searches)

@@ -307,8 +307,8 @@ CONSTANTS = {
         "how long a failure of all thrusters after any push of a plan must not lead to the chief, s"
     ),
     "foresight_bare": Chosen(
-        "not 0: plans are fired as geometry prices them, with the camera aimed at the chief; none is flown "
-        "ahead, as on board"
+        "not 0: plans are made as on board, with the camera aimed at the chief, and flown ahead only where "
+        "errors make them anew; nothing else competes with them"
     ),
     "foresight_searches": Chosen(
         "how many searches a flight's first plan is the cheapest of; as many as foresight_pushes unless given"

@@ -1,7 +1,9 @@
 """A planner in C: it plans what the product plans, bit for bit, within the periods that it is given."""
 
+import ctypes
 import re
 import shutil
+import subprocess
 from dataclasses import replace
 
 import numpy as np
@@ -9,22 +11,25 @@ import pytest
 
 from fis_tools.compiled.vectors import Three
 from fis_tools.formats import serialize
+from fis_tools.formats.c.text import WARNINGS
 from fis_tools.formats.serialize import content_hash
 from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.fly.aboard import predict
 from pipeline.flight.fly.outlooks import at_start, finishing
 from pipeline.flight.fly.pushes import Effort, search_pushes
-from pipeline.flight.fly.replanning import FIRST, first_searches, foresees
+from pipeline.flight.fly.replanning import AGAIN_ON_BOARD, FIRST, first_searches, foresees
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.log import REHEARSED
 from pipeline.flight.world.pack import pack_world
 from pipeline.onboard.allowed import NotTranslatableError
-from pipeline.onboard.export import joined
-from pipeline.onboard.messages import MODES, START_BITS
+from pipeline.onboard.export import export, joined
+from pipeline.onboard.messages import FIELD_BITS, MODES, START_BITS
 from pipeline.onboard.planner import MOST_TRIED, num_tried
 from pipeline.onboard.program import translate
 from pipeline.onboard.recorded import OUTPUT, Library, differing, recorded
 from pipeline.onboard.source import sources
+from pipeline.settings.mission import TwoBody
+from pipeline.settings.orbit import OrbitSettings
 from tests.fis_tools.sample_controllers import SHIPPED
 from tests.pipeline.flight.cases import mission, random_starts
 
@@ -37,10 +42,29 @@ EVERY = {name: from_fuzzy(serialize.load(path)) for name, path in SHIPPED.items(
 PLANNING = {name: each for name, each in EVERY.items() if foresees(each)}
 #: little effort, which is enough for what is tried here
 QUICK = {2: Effort(16, 9), 3: Effort(24, 9)}
+#: where a deputy knows neither where it is nor what it fires for certain; and controllers that plan there
+ERRORS = {"navigation": {"mode": "fixes"}, "actuators": {"kind": "real"}}
+NOISY = mission(duration_s=1200.0, **ERRORS)
+CAMERA = {"sensor": {"max_incidence_deg": 70.0, "max_range_m": 90.0}, "light": {"shadow": "conical"}}
+ELLIPSE = {
+    "orbit": OrbitSettings(
+        kind="elements", semi_major_axis_m=9.6e6, eccentricity=0.3, true_anomaly_deg=290.0
+    ),
+    "dynamics": TwoBody(j2=1.08e-3),
+}
+AGAIN = {name: each for name, each in PLANNING.items() if not name.endswith("_parked")}
 #: bits of the status, as the header defines them
 BAD_POSITION, BAD_START = 2, 64
-#: what writes into a state how many periods ahead it plans
-SHIM = "\nvoid set_lead(struct controller *state, int lead) { state->plan_lead = lead; }\n"
+#: what writes into a state how many periods ahead it plans, and reads where a plan begins
+SHIM = """
+void set_lead(struct controller *state, int lead) { state->plan_lead = lead; }
+void read_plan(const struct controller *state, double *begins)
+{
+    for (int i = 0; i < 6; ++i) {
+        begins[i] = state->plan_state[i];
+    }
+}
+"""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -48,6 +72,7 @@ def quick():
     with pytest.MonkeyPatch.context() as patch:
         for num_pushes, effort in QUICK.items():
             patch.setitem(FIRST, num_pushes, effort)
+            patch.setitem(AGAIN_ON_BOARD, num_pushes, (effort,))
         yield
 
 
@@ -85,10 +110,18 @@ def test_c_flies_the_plan_that_the_product_flies(planning):
     "changes",
     [
         {"deputy": {"max_force_n": 0.02}, "safety": {"kind": "filter"}},
-        {"sensor": {"max_incidence_deg": 70.0, "max_range_m": 90.0}, "light": {"shadow": "conical"}},
+        CAMERA,
         {"chief": {"shape": "mesh"}},
+        {**ERRORS, "deputy": {"max_force_n": 0.02}, "safety": {"kind": "filter"}},
+        {**ERRORS, **CAMERA},
+        {"actuators": {"kind": "real"}},
+        {**ERRORS, "dynamics": TwoBody(j2=1.08e-3), "chief": {"shape": "mesh"}},
     ],
-    ids=["weak thrusters and safety layer", "camera and shadow", "shaped chief"],
+    ids=[
+        *("weak thrusters and safety layer", "camera and shadow", "shaped chief"),
+        *("weak thrusters, safety layer and errors", "camera, shadow and errors"),
+        *("errors of thrusters alone", "an oblate Earth, a shaped chief and errors"),
+    ],
 )
 def test_a_mission_of_another_kind_is_planned_in_the_same_way(changes, tmp_path):
     flown = mission(duration_s=1200.0, **changes)
@@ -180,9 +213,7 @@ def test_all_parts_of_a_generation_are_alike(num_plans, count):
     assert num_tried(num_plans) == count
 
 
-def test_the_analyser_takes_ways_together_in_functions_that_the_c_has(planning):
-    """It refuses an option for a function that is not there, and takes ways apart in those of the rules."""
-    program, _ = planning
+def assert_names_are_of_the_c(program):
     code, option = sources(program).code, joined(program)
     names = re.findall(r"(\w+):0", option)
     assert option == f"-eva-slevel-function {','.join(f'{name}:0' for name in names)} "
@@ -190,6 +221,15 @@ def test_the_analyser_takes_ways_together_in_functions_that_the_c_has(planning):
     assert {"select_cheaper", "price_up_to"} < set(names)
     assert not {"infer", "decide", "controller_step"} & set(names)
     assert joined(replace(program, planner=None)) == ""
+
+
+def test_the_analyser_takes_ways_together_in_functions_that_the_c_has(planning):
+    """It refuses an option for a function that is not there, and takes ways apart in those of the rules."""
+    assert_names_are_of_the_c(planning[0])
+
+
+def test_the_analyser_takes_ways_together_in_functions_of_flights_ahead(replanning):
+    assert_names_are_of_the_c(replanning[0])
 
 
 def test_the_header_names_the_controller_as_it_ships(planning):
@@ -245,12 +285,156 @@ def test_nothing_is_planned_before_the_start_or_from_bad_input(planning):
     assert library.plan() == 0
 
 
+@pytest.fixture(scope="module", params=AGAIN)
+def replanning(request, tmp_path_factory):
+    program = translate(NOISY, AGAIN[request.param])
+    return program, written(program, tmp_path_factory.mktemp("replanning"))
+
+
+def test_c_plans_again_from_the_estimate_as_the_product_does(replanning):
+    program, library = replanning
+    num_anew = num_held = num_coasted = 0
+    for start in random_starts(6, seed=11):
+        log = fly_logged(NOISY, program.controller, start)
+        assert len(log.foresight_at) == NOISY.num_controls // program.planner.again.period
+        assert len(differing(library.answers(recorded(program, start, log)), log)) == 0
+        many = fly_all(NOISY, program.controller, [start])
+        assert many.delta_v_m_s[0] == log.delta_v_m_s[-1]
+        later = log.foresight_at[:, 0] > 0
+        num_held += np.count_nonzero(later & (log.foresight_at[:, 1] == 0))
+        num_anew += np.count_nonzero(later & (log.foresight_at[:, 1] > 0))
+        num_coasted += np.count_nonzero(log.foresight_ends_m_s[:, 0] <= log.foresight_ends_m_s[:, 1])
+    assert num_anew > 3
+    assert num_held > 0
+    assert num_coasted > 0
+
+
+def test_the_last_plan_is_flown_on_where_another_is_not_ready_in_time(replanning):
+    program, library = replanning
+    (start,) = random_starts(1, seed=11)
+    flight = recorded(program, start, fly_logged(NOISY, program.controller, start))
+    period = program.planner.again.period
+
+    def flown(budget):
+        outputs = np.zeros(len(flight.steps), OUTPUT)
+        library.start(flight.start)
+        library.plan_from(flight.steps[:1])
+        library.plan()
+        for k in range(len(outputs)):
+            library.step(flight.steps[k : k + 1], outputs[k : k + 1])
+            library.plan(budget if k < len(outputs) // 2 else 1 << 20)
+        return outputs
+
+    in_time, late = flown(1 << 20), flown(1)
+    np.testing.assert_array_equal(late["force_n"][:period], in_time["force_n"][:period])
+    never = np.zeros(len(flight.steps), OUTPUT)
+    library.start(flight.start)
+    library.plan_from(flight.steps[:1])
+    library.plan()
+    for k in range(len(never)):
+        library.step(flight.steps[k : k + 1], never[k : k + 1])
+    half = len(never) // 2
+    np.testing.assert_array_equal(late["force_n"][:half], never["force_n"][:half])
+
+
+@pytest.mark.parametrize("lead", [2, 3])
+def test_a_later_plan_begins_where_the_one_that_is_flown_leads(replanning, lead):
+    """With more periods to search in, also the forces that it still fires move the deputy."""
+    program, library = replanning
+    (start,) = random_starts(1, seed=11)
+    flight = recorded(program, start, fly_logged(NOISY, program.controller, start))
+    period, outputs = program.planner.again.period, np.zeros(len(flight.steps), OUTPUT)
+    library.start(flight.start)
+    library._functions.set_lead(library._state, lead)
+    library.plan_from(flight.steps[:1])
+    library.plan()
+    for k in range(period):
+        library.step(flight.steps[k : k + 1], outputs[k : k + 1])
+        if k == period - lead:
+            library.plan(0)
+            break
+    state = np.r_[flight.steps["position_m"][k], flight.steps["velocity_m_s"][k]]
+    forces = [outputs["force_n"][k]]
+    for later in range(k + 1, period):
+        library.step(flight.steps[later : later + 1], outputs[later : later + 1])
+        forces.append(outputs["force_n"][later] * (outputs["reason"][later] == REHEARSED).all())
+    for force in forces:
+        predict(pack_world(NOISY), state, Three(*force.tolist()), 1)
+    planned = np.zeros(6)
+    library._functions.read_plan(library._state, planned.ctypes.data_as(ctypes.c_void_p))
+    np.testing.assert_array_equal(planned, state)
+
+
+def test_the_last_plan_is_flown_on_without_a_covariance(replanning):
+    program, library = replanning
+    (start,) = random_starts(1, seed=11)
+    flight = recorded(program, start, fly_logged(NOISY, program.controller, start))
+    lost = flight.steps.copy()
+    lost["covariance"][1:, 7] = np.nan
+    answers, outputs = library.answers(flight._replace(steps=lost)), np.zeros(len(lost), OUTPUT)
+    library.start(flight.start)
+    library.plan_from(flight.steps[:1])
+    library.plan()
+    for k in range(len(lost)):
+        library.step(flight.steps[k : k + 1], outputs[k : k + 1])
+    np.testing.assert_array_equal(answers["force_n"], outputs["force_n"])
+    np.testing.assert_array_equal(answers["mode"], outputs["mode"])
+    assert (answers["status"][1:] == FIELD_BITS["BAD_COVARIANCE"]).all()
+    library.start(flight.start)
+    assert library.plan_from(lost[1:2]) == FIELD_BITS["BAD_COVARIANCE"]
+    assert library.plan(0) == 0
+
+
+@pytest.mark.parametrize("name", AGAIN)
+def test_an_export_that_plans_again_repeats_its_flights_by_its_own_evidence(name, tmp_path):
+    program, folder = translate(NOISY, AGAIN[name]), tmp_path / "flight_software"
+    result = export(program, random_starts(1, seed=11), folder)
+    assert (result.num_different, result.num_commands) == (0, NOISY.num_controls)
+    evidence, compiled = folder / "evidence", tmp_path / "compared"
+    files = [evidence / "main.c", evidence / "vector.c", folder / "controller.c", folder / "packets.c"]
+    command = ["gcc", "-std=c99", "-O1", "-ffp-contract=off", *WARNINGS, "-o", compiled, *files, "-lm"]
+    subprocess.run(command, check=True, timeout=300)  # noqa: S603
+    printed = subprocess.run([compiled], check=True, timeout=300, capture_output=True, text=True)  # noqa: S603
+    assert printed.stdout == f"1 flights, {NOISY.num_controls} control periods: 0 commands differ\n"
+    analysed = ["gcc", "-std=c99", *WARNINGS, "-fsyntax-only", evidence / "any_input.c"]
+    subprocess.run(analysed, check=True, timeout=300)  # noqa: S603
+    assert "BAD_COVARIANCE" in (folder / "interface.md").read_text(encoding="utf-8")
+
+
+def test_flights_ahead_leave_what_the_rules_go_on_with(replanning):
+    """Between two steps, however far they have come."""
+    program, library = replanning
+    planner, again = program.planner, program.planner.again
+    num_parts = again.num_generations * again.num_searches * (planner.num_plans // planner.num_tried)
+    # a search and flights ahead that begin two periods before the plan end in the second one
+    half, left = -(-(num_parts + planner.num_flown) // 2), []
+
+    def flown(flight, budget):
+        outputs = np.zeros(len(flight.steps), OUTPUT)
+        library.start(flight.start)
+        library._functions.set_lead(library._state, 2)
+        library.plan_from(flight.steps[:1])
+        library.plan()
+        for k in range(len(outputs)):
+            library.step(flight.steps[k : k + 1], outputs[k : k + 1])
+            left.append(library.plan(budget))
+        return outputs
+
+    for start in random_starts(4, seed=11):
+        flight = recorded(program, start, fly_logged(NOISY, program.controller, start))
+        outputs, at_once = flown(flight, half), flown(flight, 1 << 20)
+        np.testing.assert_array_equal(outputs["force_n"], at_once["force_n"])
+        np.testing.assert_array_equal(outputs["reason"], at_once["reason"])
+    assert any(left)
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"navigation": {"mode": "fixes"}}, "plans again in flight where .* have errors"),
-        ({"actuators": {"kind": "real"}}, "plans again in flight"),
         ({"chief": {"initial_angular_velocity_rad_s": (0.01, 0.0, 0.0)}}, "a chief that turns in Hill axes"),
+        ({**ERRORS, "after_s": 6000.0}, "would plan again by what errors lead to after the flight"),
+        ({**ERRORS, "guidance": {"kind": "clusters"}}, "would choose among clusters"),
+        (ELLIPSE, "would plan along the chief's own orbit"),
     ],
 )
 def test_what_is_not_exported_yet_is_refused_with_a_cure(changes, words):
