@@ -1,12 +1,13 @@
-"""Foresight divided among the deputies of a fleet: each answers the others' plans in turn.
+"""Foresight divided among the deputies of a fleet: each answers the others' plans in turn, then all together.
 
 A plan is priced as for one deputy (`pipeline.flight.fly.foresight`), but for points that the plans of others
-show. Each deputy is first once: it plans as if alone, then the others answer, until nobody gains. The fleet
-takes the cheapest of these plans together.
+show, and for coming too near to them. Each deputy is first once: it plans as if alone, then the others
+answer, until nobody gains. From these plans a search over those of all deputies together begins.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -14,9 +15,9 @@ from fis_tools.engines.kernel import FEW_LANES
 from pipeline.array_types import Booleans, Floats
 from pipeline.flight.control.controller import RuleController
 from pipeline.flight.fly.foresight import Outlook, lead
+from pipeline.flight.fly.joint import JointOutlook, joint_outlook, price_together, search_together
 from pipeline.flight.fly.outlooks import Deputies, at_start
-from pipeline.flight.fly.prices import price_pushes
-from pipeline.flight.fly.pushes import search_pushes
+from pipeline.flight.fly.pushes import Effort
 from pipeline.flight.fly.replanning import FIRST, pushes_of
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
@@ -24,6 +25,11 @@ from pipeline.threads import in_threads
 
 #: most rounds of answers, and the least gain that goes on, m/s
 MOST_ROUNDS, LEAST_GAIN_M_S = 3, 1e-4
+#: of the search over all plans together
+TOGETHER = Effort(64, 300)
+#: by how much plans keep deputies farther apart than the safety layer does, m: from nearer it changes forces
+#: of two that go towards each other, since neither may pass the middle between their stops
+APART_MARGIN_M = 5.0
 
 
 @dataclass(frozen=True)
@@ -35,59 +41,100 @@ class Team:
     deputies : Deputies
     outlooks : sequence of (Outlook, int)
         Of each, and the points that must be seen.
+    apart_m : float
+        How far plans keep any two apart; 0: not at all.
     """
 
     deputies: Deputies
     outlooks: Sequence[tuple[Outlook, int]]
+    apart_m: float = 0.0
 
     @property
     def num_pushes(self) -> int:
         """How many pushes each plans."""
         return self.deputies.num_pushes
 
+    @cached_property
+    def apart(self) -> Floats:
+        """How far plans keep deputies apart, (D, D), m: those that start nearer come no nearer."""
+        starts = np.array([outlook.free[0] for outlook, _ in self.outlooks])
+        away = np.linalg.norm(starts[:, np.newaxis] - starts, axis=2)
+        return np.minimum(away, self.apart_m)
+
     def divided(self) -> Floats:
         """Return the genes of the cheapest plans together, (D, 4 pushes - 1)."""
-        count, num_genes = len(self.outlooks), 4 * self.num_pushes - 1
-        candidates = []
-        for first in range(count):
-            genes = np.zeros((count, num_genes))
-            order = [first, *(deputy for deputy in range(count) if deputy != first)]
-            price = np.inf
-            for turn in range(MOST_ROUNDS):
-                before = price
-                for deputy in order:
-                    answered = genes.copy()
-                    answered[deputy] = self._answer(genes, deputy, (first, turn))
-                    if (cost := self.price(answered)) < price:
-                        price, genes = cost, answered
-                if not price < before - LEAST_GAIN_M_S:
-                    break
-            candidates.append((price, first, genes))
-        return min(candidates)[2]
+        count = len(self.outlooks)
+        answers = sorted((self.answered(first) for first in range(count)), key=self.price)
+        known = np.array([genes.ravel() for genes in answers])
+        together = self._searched(range(count), known, answers[0], (count,), self.outlooks)
+        return min(answers[0], together, key=self.price)
+
+    def answered(self, first: int) -> Floats:
+        """Return the genes of plans by answers in turn, (D, 4 pushes - 1), the first made as if alone."""
+        count = len(self.outlooks)
+        genes, price = np.zeros((count, 4 * self.num_pushes - 1)), np.inf
+        order = [first, *(deputy for deputy in range(count) if deputy != first)]
+        for turn in range(MOST_ROUNDS):
+            before = price
+            for deputy in order:
+                changed = genes.copy()
+                changed[deputy] = self._answer(genes, deputy, (first, turn))
+                if (cost := self.price(changed)) < price:
+                    price, genes = cost, changed
+            if not price < before - LEAST_GAIN_M_S:
+                break
+        return genes
 
     def price(self, genes: Floats) -> float:
-        """Return what plans cost together, m/s; points fall short by the best of all."""
-        count = len(self.outlooks)
-        alone = sum(self._price(self.outlooks[deputy][0], 0, genes[deputy]) for deputy in range(1, count))
-        return alone + self._price(*self._left(genes, 0), genes[0])
+        """Return what plans cost together, m/s: points fall short by the best of all."""
+        (joint, num_lit), needed = self._joint, self.outlooks[0][1]
+        return float(price_together(genes.ravel(), self.num_pushes, num_lit, needed, joint, np.inf))
+
+    @cached_property
+    def _joint(self) -> tuple[JointOutlook, int]:
+        """What prices the plans of all deputies."""
+        outlooks = [outlook for outlook, _ in self.outlooks]
+        reach = self.deputies.constant("foresight_reach_m_s") / outlooks[0].delta_v_per_force
+        nobody = np.zeros((0, *outlooks[0].free.shape))
+        return joint_outlook(outlooks, self.num_pushes, reach, nobody, self.apart)
 
     def _answer(self, genes: Floats, deputy: int, turn: tuple[int, int]) -> Floats:
-        """Return the cheapest plan found of a deputy beside those of others."""
-        outlook, needed = self._left(genes, deputy)
+        """Return the cheapest plan that a search finds for a deputy beside those of others."""
+        is_known, left = genes[deputy].any() or turn[1] > 0, [self._left(genes, deputy)]
+        known = genes[deputy : deputy + 1] if is_known else genes[:0]
+        return self._searched([deputy], known, genes, (*turn, deputy), left)[0]
+
+    def _searched(
+        self,
+        movers: Sequence[int],
+        known: Floats,
+        genes: Floats,
+        key: tuple[int, ...],
+        outlooks: Sequence[tuple[Outlook, int]],
+    ) -> Floats:
+        """Search for the plans of some deputies, with their outlooks, beside those that others have."""
+        others = [other for other in range(len(genes)) if other not in movers]
+        paths = [self._path(other, genes[other]) for other in others]
         starts = [[*s.position_m, *s.velocity_m_s, s.sun_angle_rad] for s in self.deputies.believed]
         words = np.array(starts).view(np.uint32).ravel().tolist()
-        generator = np.random.default_rng(np.random.SeedSequence(words, spawn_key=(*turn, deputy)))
-        effort = FIRST[self.num_pushes]
-        reach = self.deputies.constant("foresight_reach_m_s")
-        last = genes[deputy] if genes[deputy].any() or turn[1] > 0 else None
-        return search_pushes(outlook, self.num_pushes, needed, reach, effort, generator, last).best
+        return search_together(
+            [outlook for outlook, _ in outlooks],
+            self.num_pushes,
+            outlooks[0][1],
+            self.deputies.constant("foresight_reach_m_s"),
+            FIRST[self.num_pushes] if len(movers) == 1 else TOGETHER,
+            np.random.default_rng(np.random.SeedSequence(words, spawn_key=key)),
+            known,
+            np.array(paths).reshape(len(others), *outlooks[0][0].free.shape),
+            self.apart[np.ix_(movers, [*movers, *others])],
+        )
 
     def _left(self, genes: Floats, deputy: int) -> tuple[Outlook, int]:
         """Return the outlook of a deputy without what the plans of others show, and how much must be seen."""
         outlook, needed = self.outlooks[deputy]
         shown = np.zeros(len(outlook.heights), dtype=np.bool_)
-        for other, (theirs, _) in enumerate(self.outlooks):
-            shown |= self._shown(theirs, genes[other]) if other != deputy else False
+        for other in range(len(self.outlooks)):
+            shown |= self._shown(other, genes[other]) if other != deputy else False
         count, is_left = int(shown.sum()), ~shown
         if not is_left.any():
             return outlook, 0
@@ -100,17 +147,17 @@ class Team:
         )
         return part, min(max(0, needed - count), int(part.is_lit.any(axis=0).sum()))
 
-    def _price(self, outlook: Outlook, needed: int, genes: Floats) -> float:
-        costs = np.empty((1, 1))
-        price_pushes(np.ascontiguousarray(genes[:, np.newaxis]), self.num_pushes, needed, outlook, costs[0])
-        return float(costs[0, 0])
-
-    def _shown(self, outlook: Outlook, genes: Floats) -> Booleans:
-        """Return which points a plan shows, (P,)."""
+    def _path(self, deputy: int, genes: Floats) -> Floats:
+        """Return the positions that a plan leads to, (S, 3), m."""
+        outlook, _ = self.outlooks[deputy]
         effects = np.ascontiguousarray(outlook.gain.transpose(2, 0, 1).reshape(3, -1))
         path = np.empty(outlook.free.size)
         lead(genes, self.num_pushes, outlook, effects, path)
-        positions = path.reshape(-1, 3)
+        return path.reshape(-1, 3)
+
+    def _shown(self, deputy: int, genes: Floats) -> Booleans:
+        """Return which points a plan shows, (P,)."""
+        (outlook, _), positions = self.outlooks[deputy], self._path(deputy, genes)
         above = np.einsum("sap,sa->sp", outlook.normals, positions) - outlook.heights
         away = np.linalg.norm(positions[:, :, np.newaxis] - outlook.points, axis=1)
         is_seen = outlook.is_lit & (above >= 0.0) & (above >= outlook.cos_incidence * away)
@@ -119,19 +166,25 @@ class Team:
         return np.asarray(is_seen.any(axis=0))
 
 
+def team_of(mission: Mission, controller: RuleController, scenario: Scenario) -> Team:
+    """Return the deputies of a fleet at its start, as they plan together."""
+    alone, apart_m = mission.of_each, mission.fleet.keep_apart_m
+    deputies = at_start(alone, alone, controller, list(scenario.fleet), 0, FEW_LANES)
+    return Team(deputies, deputies.outlooks(), apart_m + APART_MARGIN_M if apart_m > 0.0 else 0.0)
+
+
 def divided_openings(
     mission: Mission, controller: RuleController, scenarios: list[Scenario], workers: int | None = 1
 ) -> Floats:
     """Return the planned forces of fleets, (m D, K, 4), with nothing fired after them.
 
-    `mission` is that of each deputy, and scenarios are those of `Scenario.fleet`.
+    Scenarios are those of `Scenario.fleet`.
     """
 
     def plan(scenario: Scenario) -> Floats:
         """Return the forces of a fleet, (D, K, 4)."""
-        deputies = at_start(mission, mission, controller, list(scenario.fleet), 0, FEW_LANES)
-        genes = Team(deputies, deputies.outlooks()).divided()
-        return np.array([_opening(deputies, of_deputy) for of_deputy in genes])
+        team = team_of(mission, controller, scenario)
+        return np.array([_opening(team.deputies, genes) for genes in team.divided()])
 
     return np.concatenate(in_threads(plan, scenarios, workers=workers))
 

@@ -342,7 +342,7 @@ def opened(
     """
     if not (isinstance(controller, RuleController) and foresees(controller)):
         return controller, np.zeros((0, 0, 4))
-    flown, planned = finishing(controller), divided_openings(mission.of_each, controller, scenarios, workers)
+    flown, planned = finishing(controller), divided_openings(mission, controller, scenarios, workers)
     ways = np.array([planned, driven(planned), np.zeros_like(planned)])
     ends = [_fly(mission, flown, scenarios, workers, lanes, openings) for openings in ways]
     cheapest = np.argmin([rehearsed_costs(controller, end) for end in ends], axis=0)

@@ -300,6 +300,43 @@ def num_best(num_plans: int) -> int:
     return max(2, num_plans // 8)
 
 
+def bounds_of_plans(outlook: Outlook, num_pushes: int, reach: float) -> tuple[Floats, Floats]:
+    """Return the bounds of a plan's genes, (4 num_pushes - 1,), for components up to `reach`, N."""
+    num_later = num_pushes - 1
+    latest = LATEST_OF_ENDS if outlook.tail.num_after else LATEST
+    latest = max(1.0, latest * (len(outlook.free) - 1))
+    lowest = np.r_[np.full(3 * num_pushes, -reach), np.zeros(num_later)]
+    return lowest, np.r_[np.full(3 * num_pushes, reach), np.full(num_later, latest)]
+
+
+def first_plans(
+    lowest: Floats,
+    highest: Floats,
+    num_plans: int,
+    delta_v_per_force: float,
+    generator: np.random.Generator,
+    known: Floats,
+) -> Floats:
+    """Draw the plans that a search begins with, (G, n), between bounds of genes.
+
+    The `known` plans, (m, G), others near them, and doing nothing are among them, if there are any.
+    """
+    genes = lowest[:, np.newaxis] + (highest - lowest)[:, np.newaxis] * generator.random(
+        (len(lowest), num_plans)
+    )
+    if len(known):
+        num_near = int(num_plans * NEAR_SHARE)
+        is_time = lowest == 0.0
+        spreads = np.where(is_time, NEAR_SAMPLES, NEAR_M_S / delta_v_per_force)
+        near = spreads[:, np.newaxis] * generator.standard_normal((len(lowest), num_near))
+        near *= generator.random(near.shape) < 0.5
+        origins = np.arange(num_near) * len(known) // num_near
+        near[:, np.diff(origins, prepend=-1) > 0] = 0.0
+        genes[:, :num_near] = np.clip(known[origins].T + near, lowest[:, np.newaxis], highest[:, np.newaxis])
+        genes[:, num_near] = 0.0
+    return genes
+
+
 def search_pushes(
     outlook: Outlook,
     num_pushes: int,
@@ -318,31 +355,18 @@ def search_pushes(
     where `is_bare`, they are drawn as on board. Where `is_exact`, all plans are priced to the end, also those
     that are not followed up.
     """
-    num_samples, num_later = len(outlook.free), num_pushes - 1
     reach = reach_m_s / outlook.delta_v_per_force
-    latest = max(1.0, (LATEST_OF_ENDS if outlook.tail.num_after else LATEST) * (num_samples - 1))
-    lowest = np.r_[np.full(3 * num_pushes, -reach), np.zeros(num_later)]
-    highest = np.r_[np.full(3 * num_pushes, reach), np.full(num_later, latest)]
+    lowest, highest = bounds_of_plans(outlook, num_pushes, reach)
     genes = np.empty((effort.num_generations + 1, len(lowest), effort.num_plans))
-    genes[0] = lowest[:, np.newaxis] + (highest - lowest)[:, np.newaxis] * generator.random(genes.shape[1:])
-    num_near = int(effort.num_plans * NEAR_SHARE)
+    known = np.empty((0, len(lowest))) if last is None or is_bare else last[np.newaxis]
+    genes[0] = first_plans(lowest, highest, effort.num_plans, outlook.delta_v_per_force, generator, known)
     if last is not None and is_bare:
+        num_near = int(effort.num_plans * NEAR_SHARE)
         drawn = generator.random((num_near, (NUM_NEAR_DRAWS + 1) * len(lowest)))
-        spreads_near = NEAR_M_S / outlook.delta_v_per_force, NEAR_SAMPLES
-        first_plans = np.ascontiguousarray(genes[0].T)
-        gather(first_plans, lowest, highest, last, num_near, *spreads_near, drawn)
-        genes[0] = first_plans.T
-    elif last is not None:
-        spreads = np.r_[
-            np.full(3 * num_pushes, NEAR_M_S / outlook.delta_v_per_force), np.full(num_later, NEAR_SAMPLES)
-        ]
-        near = spreads[:, np.newaxis] * generator.standard_normal((len(lowest), num_near))
-        near *= generator.random(near.shape) < 0.5
-        near[:, 0] = 0.0
-        genes[0, :, :num_near] = np.clip(
-            last[:, np.newaxis] + near, lowest[:, np.newaxis], highest[:, np.newaxis]
-        )
-        genes[0, :, num_near] = 0.0
+        spreads = NEAR_M_S / outlook.delta_v_per_force, NEAR_SAMPLES
+        plans = np.ascontiguousarray(genes[0].T)
+        gather(plans, lowest, highest, last, num_near, *spreads, drawn)
+        genes[0] = plans.T
     draws = generator.random((effort.num_generations, effort.num_plans, NUM_DRAWS + len(lowest)))
     costs = np.empty((effort.num_generations + 1, effort.num_plans))
     if (outlook.normals == outlook.normals[0]).all() and (outlook.points == outlook.points[0]).all():
