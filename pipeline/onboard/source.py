@@ -181,7 +181,7 @@ def _interface(program: OnboardProgram, members: Mapping[str, Any]) -> Interface
         members=members,
         functions=program.translator.functions,
         axes="body" if program.law.force_axes == BODY else "Hill",
-        limits="0 none, 1 keep out, 2 keep in, 3 speed, 4 passive safety",
+        limits="0 none, 1 keep out, 2 keep in, 3 speed, 4 passive safety, 7 speed along an axis",
     )
 
 
