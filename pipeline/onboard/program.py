@@ -219,6 +219,11 @@ def translate(
         raise NotTranslatableError(
             "safety.keep_way_out is true, which needs the period and is not flown on board; leave it out"
         )
+    if mission.safety.kind == "filter" and mission.safety.min_sun_angle_deg > 0.0:
+        raise NotTranslatableError(
+            f"safety.min_sun_angle_deg is {mission.safety.min_sun_angle_deg:g}, which is not flown on board; "
+            "leave it out"
+        )
     designed, flown, plans = controller, controller, foresees(controller) and not rules_alone
     if plans:
         flown, controller = bare(designed), finishing(designed)

@@ -190,7 +190,7 @@ def _interface(program: OnboardProgram, members: Mapping[str, Any]) -> Interface
         functions=program.translator.functions,
         has_covariance=program.has_covariance,
         axes="body" if program.law.force_axes == BODY else "Hill",
-        limits="0 none, 1 keep out, 2 keep in, 3 speed, 4 passive safety",
+        limits="0 none, 1 keep out, 2 keep in, 3 speed, 4 passive safety, 7 speed along an axis",
     )
 
 

@@ -57,12 +57,21 @@ class FlownCases(NamedTuple):
     content: dict[str, Any]
 
 
+def _keeps(limit: float, mission: Mission) -> bool:
+    """Return whether the safety layer of a mission keeps a limit, which is off where it is 0."""
+    return mission.safety.kind == "filter" and limit > 0.0
+
+
 def why_recorded(mission: Mission) -> str:
     """Return in words why no module flies a mission; empty if one does."""
     reasons = {
         "flights in plain Python are not flown in a page": mission.flight == "reference"
         or is_interpreted(mission),
         "each case has a mission of its own": bool(distributions(mission.dispersions)),
+        "pages know no limit on the speed along each axis": _keeps(
+            mission.safety.axis_speed_limit_m_s, mission
+        ),
+        "pages know no cone about the Sun": _keeps(mission.safety.min_sun_angle_deg, mission),
     }
     return next((words for words, applies in reasons.items() if applies), "")
 

@@ -237,6 +237,10 @@ class Safety(Settings, group="safety", only=Only("safety.kind=filter")):
     """Growth of the greatest speed with the distance."""
     speed_distance_m: types.NotNegative = 15.0
     """Distance at which the greatest speed is speed_limit_m_s."""
+    min_sun_angle_deg: Annotated[types.NotNegative, Field(lt=90)] = 0.0
+    """Angle from the Sun that the chief keeps in the deputy's sight, if the other limits allow it; 0: any."""
+    axis_speed_limit_m_s: types.NotNegative = 0.0
+    """Greatest speed along each Hill axis; 0: any."""
     braking_force_n: types.Positive | None = None
     """Greatest force along each Hill axis to stop within a control period; null: 0.8 of the thrusters'."""
     #: rarer errors of thrusters are not drawn: pipeline.flight.world.thrust_bounds
@@ -253,6 +257,8 @@ class Safety(Settings, group="safety", only=Only("safety.kind=filter")):
     """How long free drift stays inside the keep-in sphere; 0: off."""
     keep_way_out: Annotated[types.Flag, Only("problem.kind=inspection")] = False
     """Whether one push onto a closed ellipse between the spheres is always left; the last period fires it."""
+    delta_v_limit_m_s: types.NotNegative = 0.0
+    """Greatest delta-v of a flight, of which the push onto a closed ellipse is always left; 0: any."""
 
 
 #: numbers that all flights of an evaluation share, since samples and decisions depend on them

@@ -303,6 +303,25 @@ def _way_out(mission: Mission) -> Iterator[str]:
         yield "safety.keep_way_out=true knows of no other deputies; leave one of them out"
 
 
+@relation("safety.min_sun_angle_deg", "fleet.keep_apart_m")
+def _cone(mission: Mission) -> Iterator[str]:
+    """Check that deputies that are kept apart are not to keep out of the Sun's cone as well."""
+    safety = mission.safety
+    if safety.kind == "filter" and safety.min_sun_angle_deg > 0.0 and mission.fleet.keep_apart_m > 0.0:
+        yield "what keeps deputies apart knows of no cone about the Sun; leave one of them out"
+
+
+@relation("safety.delta_v_limit_m_s", "safety.keep_way_out")
+def _delta_v(mission: Mission) -> Iterator[str]:
+    """Check that where the delta-v is limited, flights have an end that costs nothing more."""
+    safety = mission.safety
+    if safety.kind == "filter" and safety.delta_v_limit_m_s > 0.0 and not safety.keep_way_out:
+        yield (
+            "a deputy that has stopped is held in place by thrust for ever, so that no limit lasts; only on "
+            "a closed ellipse it needs none: add safety.keep_way_out=true, or leave the limit out"
+        )
+
+
 @relation("deputy.max_momentum_n_m_s", "deputy.inertia_kg_m2", "orbit.mean_motion_rad_s")
 def _wheels(mission: Mission) -> Iterator[str]:
     """Check that the deputy's wheels can take up the rotation of Hill axes, about any axis."""

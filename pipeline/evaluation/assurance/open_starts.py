@@ -12,7 +12,7 @@ from math import ceil, pi, sqrt
 import numpy as np
 
 from pipeline.array_types import Booleans, Floats
-from pipeline.flight.period.act.way_out import SPARE, STEPS
+from pipeline.flight.period.act.way_out import SPARE, STEPS, affordable_at
 from pipeline.flight.state.arrays import World
 from pipeline.flight.world.bounds import norm
 from pipeline.physics.motion import ORBIT_PARTS
@@ -66,6 +66,7 @@ class _WaysOut:
         self.after = phi + gamma[:, :2] @ self.force
         self.half_axes = 0.5 * guard.keep_in * np.arange(-STEPS, STEPS + 1) / STEPS
         self.most, self.spheres = guard.braking_force, (guard.keep_out + SPARE, guard.keep_in - SPARE)
+        self.affordable = affordable_at(world, 0, 0.0)
         self.per_half_axis = n * gamma[:, 0] / gamma[3, 0], n / gamma[3, 0]
         #: rows of radial half-axis, of the centre along the track, and of swing and its quarter
         self.elements = np.zeros((5, 6))
@@ -91,7 +92,8 @@ class _WaysOut:
         forces = centres @ self.force[:, :3].T + half_axis * np.array([pushed, 0.0])
         spreads = half * np.linalg.norm(self.force[:, :3], axis=1)
         spreads += self.speed * np.linalg.norm(self.force[:, 3:], axis=1)
-        is_weak = (np.abs(forces) + spreads <= self.most).all(axis=1)
+        greatest = np.abs(forces) + spreads
+        is_weak = (greatest <= self.most).all(axis=1) & (greatest.sum(axis=1) <= self.affordable)
         elements = (centres @ self.after[:, :3].T + half_axis * moved) @ self.elements.T
         distances = np.linalg.norm(np.einsum("jae,me->mja", self.looks, elements), axis=2)
         spread = self.gains[0] * half + self.gains[1] * self.speed

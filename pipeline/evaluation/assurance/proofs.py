@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,9 +28,9 @@ from pipeline.evaluation.assurance.formula import (
 from pipeline.evaluation.assurance.open_starts import start_without_way_out
 from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.period.act.safety import STANDING, most_exceeded
+from pipeline.flight.period.act.safety import NUM_BRAKING, STANDING, TOLERANCE, most_exceeded
 from pipeline.flight.period.act.way_out import is_open
-from pipeline.flight.state.arrays import Guard
+from pipeline.flight.state.arrays import Guard, World
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.bounds import ROUNDING_M, SafetyBounds, bounds_of, is_exact, norm, spheres_of
 from pipeline.flight.world.pack import pack_world
@@ -38,6 +38,9 @@ from pipeline.flight.world.thrust_bounds import capacity_of
 from pipeline.settings.equipment import RangeBearingFixes, RealActuators
 from pipeline.settings.experiment import Mission
 from pipeline.settings.keys import choices_of
+
+#: quantities that are speeds along the axes
+ALONG_AXES = ("velocity_radial", "velocity_along_track", "velocity_cross_track")
 
 
 @dataclass(frozen=True)
@@ -164,6 +167,9 @@ class SafetyProof:
         If not, and it is known, one that need not be, in words.
     stays : bool
         Whether flights end on a closed ellipse between the spheres (`safety.keep_way_out`).
+    axis_speed_m_s, delta_v_m_s : float, optional
+        The greatest speed along each axis at samples, and the greatest delta-v of a flight, where the proof
+        is about them.
     """
 
     is_on: bool
@@ -178,6 +184,8 @@ class SafetyProof:
     probability: float = 1.0
     exception: str = ""
     stays: bool = False
+    axis_speed_m_s: float | None = None
+    delta_v_m_s: float | None = None
 
     def proves(self, formula: Formula) -> bool:
         """Return whether the layer's proof implies a formula, for all flights at their samples."""
@@ -186,21 +194,38 @@ class SafetyProof:
 
     def implies(self, formula: Formula) -> bool:
         """Return whether a formula follows from what the layer keeps, if its premises hold."""
-        return _follows(formula, (self.keep_out_m, self.keep_in_m), stays=self.stays)
+        kept = {"distance": (self.keep_out_m, self.keep_in_m)}
+        if (fastest := self.axis_speed_m_s) is not None:
+            kept |= dict.fromkeys(ALONG_AXES, (-fastest, fastest))
+        if self.delta_v_m_s is not None:
+            kept["delta_v"] = 0.0, self.delta_v_m_s
+        return _follows(formula, kept, stays=self.stays)
+
+    def words(self) -> str:
+        """Return what the layer keeps, in words."""
+        times = "all samples" if self.probability == 1.0 else "flights at all times"
+        words = f"{times} from {self.keep_out_m:g} to {self.keep_in_m:g} m"
+        if self.axis_speed_m_s is not None:
+            words += f" and at most {self.axis_speed_m_s:g} m/s fast along each axis"
+        if self.stays:
+            words += ", and ends on an ellipse between them"
+        if self.delta_v_m_s is not None:
+            words += f" for {self.delta_v_m_s:g} m/s at most"
+        return words
 
 
-def _follows(formula: Formula, distances_m: tuple[float, float], *, stays: bool) -> bool:
-    """Return whether a formula holds wherever the distance is between two values; False if unclear.
+def _follows(formula: Formula, kept: Mapping[str, tuple[float, float]], *, stays: bool) -> bool:
+    """Return whether a formula holds wherever some quantities are between two values; False if unclear.
 
-    That of free motion from the last sample is, too, if a flight stays.
+    The distance in free motion from the last sample is, too, if a flight stays.
     """
     match formula:
         case Conjunction(left, right):
-            return _follows(left, distances_m, stays=stays) and _follows(right, distances_m, stays=stays)
-        case Always(_, Predicate((("distance", factor),), constant)):
-            return _is_positive(factor, constant, distances_m)
+            return _follows(left, kept, stays=stays) and _follows(right, kept, stays=stays)
+        case Always(_, Predicate(((name, factor),), constant)) if name in kept:
+            return _is_positive(factor, constant, kept[name])
         case Eventually(Window(0.0, math.inf), Always(Window(0.0, math.inf), part)):  # at the last sample
-            return stays and _follows_at_end(part, distances_m)
+            return stays and _follows_at_end(part, kept["distance"])
     return False
 
 
@@ -214,9 +239,9 @@ def _follows_at_end(formula: Formula, distances_m: tuple[float, float]) -> bool:
     return False
 
 
-def _is_positive(factor: float, constant: float, distances_m: tuple[float, float]) -> bool:
-    """Return whether a linear function of a distance is positive between two: if it is at both of them."""
-    return all(factor * distance + constant > 0.0 for distance in distances_m)
+def _is_positive(factor: float, constant: float, ends: tuple[float, float]) -> bool:
+    """Return whether a linear function is positive between two values: if it is at both of them."""
+    return all(factor * end + constant > 0.0 for end in ends)
 
 
 def premises(mission: Mission, bounds: SafetyBounds) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -285,10 +310,21 @@ def are_safe(guard: Guard, near_m: float, far_m: float, speed_m_s: float) -> boo
     """
     stop = guard.checks.transition[1, :3]  # the position after the stop
     strayed = norm(stop[:, :3] - np.eye(3)) * far_m + norm(stop[:, 3:]) * speed_m_s
-    force = norm(guard.stop[:, :3]) * far_m + norm(guard.stop[:, 3:]) * speed_m_s
+    gain, speeds = guard.stop[:NUM_BRAKING], guard.stop[NUM_BRAKING:, 3:]
+    force = norm(gain[:, :3]) * far_m + norm(gain[:, 3:]) * speed_m_s
     is_between = guard.keep_out <= near_m - strayed and far_m + strayed <= guard.keep_in
     is_slow = speed_m_s <= guard.speed_at_chief + guard.speed_slope * near_m
+    is_slow &= speed_m_s * speeds.max(initial=0.0) <= guard.braking_force
     return is_between and is_slow and force <= guard.braking_force
+
+
+def kept_along_axes(world: World) -> float | None:
+    """Return the greatest speed along an axis that the layer admits, m/s; None where it is not limited."""
+    guard = world.guard
+    if len(guard.stop) == NUM_BRAKING or guard.stop[NUM_BRAKING, 3] == 0.0:
+        return None
+    admitted = guard.braking_force + TOLERANCE / world.motion.control[0, 2, 2]
+    return float(admitted / guard.stop[NUM_BRAKING, 3])
 
 
 def safety_proof(
@@ -315,6 +351,7 @@ def safety_proof(
         # the limits themselves, and half of what is kept for rounding: all margins are for errors
         (out, far), spare = spheres_of(mission, bounds), 0.5 * ROUNDING_M
         spheres = out - bounds.keep_out_m - spare, far + bounds.keep_in_m + spare
+    axis_speed = None
     num_safe, is_whole, exception, stays = 0, False, "", is_on and mission.safety.keep_way_out
     if is_on:
         world = pack_world(mission)
@@ -323,9 +360,10 @@ def safety_proof(
             outside = start_without_way_out(world, shell)
             is_whole = outside is None
             exception = "" if outside is None else f"near ({', '.join(f'{x:g}' for x in outside)}) m"
-            num_safe = sum(is_open(world, 0, scenario) for scenario in flying)
+            num_safe = sum(is_open(world, 0, scenario, 0.0) for scenario in flying)
         else:
             is_whole = are_safe(world.guard, *shell)
+            axis_speed = kept_along_axes(world) if is_exact(mission) else None
             num_safe = sum(most_exceeded(world, 0, scenario, STANDING)[2] <= 0.0 for scenario in flying)
     near, far, speed = shell
     counts, starts = (len(scenarios), num_safe), shell_in_words(near, far, speed)
@@ -333,6 +371,8 @@ def safety_proof(
         *(is_on, *spheres, *counts, starts, is_whole, failing, assumed, probability),
         exception=exception,
         stays=stays,
+        axis_speed_m_s=axis_speed,
+        delta_v_m_s=mission.safety.delta_v_limit_m_s or None if stays else None,
     )
 
 

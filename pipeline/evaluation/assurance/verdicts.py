@@ -212,13 +212,12 @@ def _of_bounds(certificates: Sequence[Certificate]) -> MethodResult:
 
 def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> MethodResult:
     """Judge a requirement by the safety layer's proof; return the verdict, with the reason in words."""
-    times = "all samples" if proof.probability == 1.0 else "flights at all times"
-    spheres = f"{times} from {proof.keep_out_m:g} to {proof.keep_in_m:g} m"
-    spheres += ", and ends on an ellipse between them" if proof.stays else ""
+    kept = proof.words()
     such = f", such as one {proof.exception}," if proof.exception else ""
     state = "safe states, from which the proof begins"
     if proof.stays:
         state = "states with a way out, from which the proof begins; lower monte_carlo.max_distance_m"
+        state += ", or raise safety.delta_v_limit_m_s" if proof.delta_v_m_s is not None else ""
     if not proof.is_on:
         why = "the safety layer was off: its proof says nothing about these flights"
     elif proof.failing:
@@ -229,9 +228,9 @@ def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> MethodResult:
     elif not proof.are_all_safe:
         why = f"starts {proof.starts}{such} need not be {state}"
     elif requirement.formula is None or not proof.proves(requirement.formula):
-        why = f"the safety layer keeps {spheres}, from which this does not follow"
+        why = f"the safety layer keeps {kept}, from which this does not follow"
     else:
-        why = f"the safety layer keeps {spheres}, from all starts {proof.starts}"
+        why = f"the safety layer keeps {kept}, from all starts {proof.starts}"
         if proof.probability < 1.0:
             why += f", while errors are within their bounds, as in {percent(proof.probability)} of flights"
         why += f", provided that {' and '.join(proof.assumed)}" if proof.assumed else ""

@@ -37,7 +37,18 @@ from pipeline.settings.mission import TwoBody
 #: between the instants at which what follows a flight's end is looked at, s
 LOOK_AFTER_S = 20.0
 #: names of limits in the order of `pipeline.flight.state.log.LIMITS`; None where none is exceeded
-LIMIT_NAMES = (None, "keep_out", "keep_in", "speed", "passive_safety", "apart", "way_out")
+LIMIT_NAMES = (
+    None,
+    "keep_out",
+    "keep_in",
+    "speed",
+    "passive_safety",
+    "apart",
+    "way_out",
+    "axis_speed",
+    "delta_v",
+    "sun",
+)
 
 
 def reference_of(mission: Mission, controller: Controller, scenario: Scenario) -> ReferenceFlight:

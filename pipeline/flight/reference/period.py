@@ -13,6 +13,7 @@ from pipeline.flight.reference.actuators import Thrust
 from pipeline.flight.reference.camera import held, seen_points
 from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.guidance import chosen_target
+from pipeline.flight.reference.light import later, sun_direction
 from pipeline.flight.reference.motion import pushed
 from pipeline.flight.reference.pointing import Instant, looking, next_y, turn_through_period
 from pipeline.flight.reference.safety import SafetyLayer
@@ -95,12 +96,14 @@ def act(
     commanded, limit = requested, None
     if mission.safety.kind == "filter":
         layer = SafetyLayer(mission, flight.errors.margins, flight.predicted, k)
-        commanded, limit = layer.assured(seen.known, requested)
+        now, ahead = (sun_direction(*later(mission, flight.suns[k], periods)) for periods in (0.0, 1.0))
+        commanded, limit = layer.assured(seen.known, requested, (now, ahead))
         if mission.safety.keep_way_out:
+            left = (mission.safety.delta_v_limit_m_s or np.inf) - state.spent
+            way_out = WayOut(layer, mission.orbit.mean_motion_rad_s, k, mission.num_controls, left)
             safe = commanded
-            way_out = WayOut(layer, mission.orbit.mean_motion_rad_s, k, mission.num_controls)
-            commanded = way_out.admitted(seen.known, safe)
-            limit = "way_out" if np.any(commanded != safe) else limit
+            commanded, lost = way_out.admitted(seen.known, safe)
+            limit = lost if np.any(commanded != safe) else limit
     remember_command(flight, k, state, seen, commanded)
     thrust = actuators.fired(flight, k, commanded, state.commands, seen.attitude, state.mass)
     remember_fired(flight, k, state, seen, thrust, state.mass)

@@ -14,6 +14,8 @@ from pipeline.settings.experiment import Mission
 STANDING = 2
 #: margins of corrections, m, to limits and to those that act early, and tolerance for rounding, m
 SLACK, EARLY_SLACK, TOLERANCE = 1e-4, 0.1, 1e-6
+#: share of the depth in the Sun's cone that may be left after a period
+STAYING = 0.98
 #: most cuts, most sweeps of the projection, the change that ends them, N, and bisections towards the stop
 MOST_CUTS, MOST_SWEEPS, LEAST_CHANGE, HALVINGS = 12, 200, 1e-12, 30
 
@@ -41,8 +43,8 @@ class SafetyLayer:
         given = self.law.braking_force_n
         from_settings = (out, far, self.limit, 0.8 * self.limit if given is None else given, 0.0)
         self.out, self.far, self.planned, self.braking, self.step_back = margins or from_settings
-        n, mass = mission.orbit.mean_motion_rad_s, mission.deputy.mass_kg
-        self.phi, self.gamma = transition(n, self.period, mass)
+        n, self.mass = mission.orbit.mean_motion_rad_s, mission.deputy.mass_kg
+        self.phi, self.gamma = transition(n, self.period, self.mass)
         self.stop = -np.linalg.solve(self.gamma[3:], self.phi[3:])
         #: so that a force counts as the metres that it moves the deputy in a period
         self.metres_per_newton = self.gamma[2, 2]
@@ -60,7 +62,10 @@ class SafetyLayer:
         self.greatest = np.where(order < STANDING + num_in, self.far, np.inf)
 
     def excesses(self, ahead: Floats, num_checks: int) -> Floats:
-        """Return by how many metres a state exceeds each limit: two a check, speed, and three for braking."""
+        """Return by how many metres a state exceeds each limit, minus infinity for those that are off.
+
+        There are two for each check, then the speed, braking along three axes, and the speed along each.
+        """
         distances = np.linalg.norm(self.checks[:num_checks] @ ahead, axis=1)
         spheres = self.least[:num_checks] - distances, distances - self.greatest[:num_checks]
         law = self.law
@@ -68,16 +73,24 @@ class SafetyLayer:
         fastest = law.speed_limit_m_s + law.speed_slope_per_s * farther
         speed = self.period * (np.linalg.norm(ahead[3:]) - fastest)
         braking = self.metres_per_newton * (np.abs(self.stop @ ahead) - self.braking)
-        return np.concatenate((np.column_stack(spheres).ravel(), [speed], braking))
+        along_axes = np.full(3, -np.inf)
+        if (most := law.axis_speed_limit_m_s) > 0.0:
+            along_axes = self.metres_per_newton * self.braking * (np.abs(ahead[3:]) / most - 1.0)
+        return np.concatenate((np.column_stack(spheres).ravel(), [speed], braking, along_axes))
 
     def half_space(self, ahead: Floats, index: int, num_checks: int) -> tuple[Floats, float]:
         """Return the half-space ``row . s' >= level`` of next states for a limit, an index of `excesses`.
 
         They list the nearest and farthest distance at each check by turns, then the speed, then the stop
-        along each axis. A limit is linearised at `ahead`, the next state, (6,), m and m/s, Hill axes.
+        along each axis, then the speed along each. A limit is linearised at `ahead`, the next state, (6,), m
+        and m/s, Hill axes.
         """
         past_checks = index - 2 * num_checks
-        if past_checks > 0:
+        if past_checks > 3:
+            row = -np.sign(ahead[past_checks - 1]) * np.eye(6)[past_checks - 1]
+            spare = SLACK / (self.metres_per_newton * self.braking)
+            level = (spare - 1.0) * self.law.axis_speed_limit_m_s
+        elif past_checks > 0:
             row = -np.sign(self.stop[past_checks - 1] @ ahead) * self.stop[past_checks - 1]
             level = SLACK / self.metres_per_newton - self.braking
         elif past_checks == 0:
@@ -93,19 +106,51 @@ class SafetyLayer:
             level = (-self.far if is_far else self.out) + (SLACK if check < STANDING else EARLY_SLACK)
         return row, level
 
-    def nearest_safe_force(self, free: Floats, requested: Floats, num_checks: int) -> Floats:
+    def depth_in_cone(self, position: Floats, sun: Floats | None) -> float:
+        """Return how far inside the cone a position lies, m, in which a camera looks into the Sun.
+
+        It is minus infinity where there is no cone, or no Sun is given.
+        """
+        if sun is None or self.law.min_sun_angle_deg == 0.0:
+            return -np.inf
+        distance, half = np.linalg.norm(position), np.radians(self.law.min_sun_angle_deg)
+        off_axis = np.arctan2(np.linalg.norm(np.cross(position, sun)), -position @ sun)
+        return float(distance * np.sin(half - off_axis))
+
+    def out_of_cone(self, position: Floats, sun: Floats) -> Floats:
+        """Return the normal of the cone at its line that is nearest to a position inside, (3,)."""
+        half = np.radians(self.law.min_sun_angle_deg)
+        across = position - (position @ sun) * sun
+        if np.linalg.norm(across) < TOLERANCE:
+            across = np.cross([0.0, 0.0, 1.0] if abs(sun[2]) < 0.9 else [1.0, 0.0, 0.0], sun)
+        return np.asarray(np.cos(half) * across / np.linalg.norm(across) + np.sin(half) * sun)
+
+    def nearest_safe_force(
+        self,
+        free: Floats,
+        requested: Floats,
+        num_checks: int,
+        sun: Floats | None = None,
+        most_deep: float = 0.0,
+    ) -> Floats:
         """Return the force nearest to a requested one that keeps the limits of the first checks, by cuts.
 
-        `free` is the next state without a force.
+        Nor does it lead deeper into the cone about a Sun that is given, m. `free` is the next state without a
+        force.
         """
         cuts: list[Cut] = []
         force = np.clip(requested, -self.planned, self.planned)
         for _ in range(MOST_CUTS):
             ahead = free + self.gamma @ force
             excesses = self.excesses(ahead, num_checks)
-            if excesses.max() <= 0.0:
+            depth = self.depth_in_cone(ahead[:3], sun) - most_deep
+            if max(excesses.max(), depth) <= 0.0:
                 break
-            row, level = self.half_space(ahead, int(np.argmax(excesses)), num_checks)
+            if sun is not None and depth > excesses.max():
+                row = np.concatenate((self.out_of_cone(ahead[:3], sun), np.zeros(3)))
+                level = EARLY_SLACK - most_deep
+            else:
+                row, level = self.half_space(ahead, int(np.argmax(excesses)), num_checks)
             cuts.append((row @ self.gamma, level - float(row @ free)))
             force = projected(requested, cuts, self.planned)
         return force
@@ -114,13 +159,28 @@ class SafetyLayer:
         """Return whether a force keeps the limits that are never given up, apart from rounding."""
         return bool(self.excesses(free + self.gamma @ force, STANDING).max() <= tolerance)
 
-    def assured(self, state: Floats, requested: Floats) -> tuple[Floats, str | None]:
-        """Return the force to apply, N, and the limit it was changed for; None where it is safe."""
+    def assured(
+        self, state: Floats, requested: Floats, suns: tuple[Floats, Floats] | None = None
+    ) -> tuple[Floats, str | None]:
+        """Return the force to apply, N, and the limit it was changed for; None where it is safe.
+
+        `suns` are the directions of the Sun now and at the next sample, whose cone is given up first.
+        """
+        now, sun = suns or (None, None)
         free = self.phi @ state
-        name = self.exceeded(free + self.gamma @ requested)
-        if name is None and np.abs(requested).max() <= self.planned:
+        ahead = free + self.gamma @ requested
+        name = self.exceeded(ahead) or ("speed" if np.abs(requested).max() > self.planned else None)
+        most_deep = STAYING * max(0.0, self.depth_in_cone(state[:3], now))
+        if name is None and self.depth_in_cone(ahead[:3], sun) <= most_deep:
             return requested, None
-        name = name or "speed"
+        if sun is not None and self.law.min_sun_angle_deg > 0.0:
+            force = self.nearest_safe_force(free, requested, len(self.checks), sun, most_deep)
+            reached = free + self.gamma @ force
+            excess = self.excesses(reached, len(self.checks)).max()
+            if max(self.depth_in_cone(reached[:3], sun) - most_deep, excess) <= TOLERANCE:
+                return force, name or "sun"
+        if name is None:
+            return requested, None
         for num_checks in (len(self.checks), STANDING):
             force = self.nearest_safe_force(free, requested, num_checks)
             if self.is_safe(free, force):
@@ -152,7 +212,7 @@ class SafetyLayer:
             worst = int(np.argmax(excesses))
             if excesses[worst] > 0.0:
                 if worst >= 2 * num_checks:
-                    return "speed"
+                    return "axis_speed" if worst > 2 * num_checks + 3 else "speed"
                 if worst % 2:
                     return "keep_in"
                 return "keep_out" if worst < 2 * STANDING else "passive_safety"

@@ -9,55 +9,75 @@ from pipeline.flight.reference.safety import SafetyLayer
 
 #: half-axes that are tried each way; looks at an ellipse; bisections towards the way out
 STEPS, LOOKS, HALVINGS = 12, 36, 20
-#: what is spared at the start, falling to nothing at the end; the height of the centre of a closed ellipse, m
-SPARE, CLOSED = 1e-3, 1e-6
+#: what is spared at the start, falling to nothing at the end: m, and m/s of the limit on the delta-v
+SPARE, SPARE_DELTA_V = 1e-3, 1e-6
+#: the height of the centre of a closed ellipse, m
+CLOSED = 1e-6
 
 
 class WayOut:
     """Admits the forces after which one force still leads onto a closed ellipse between the spheres.
 
-    At the end of a flight only those that lead onto one.
+    At the end of a flight only those that lead onto one. That force counts only if what is `left` of a limit
+    on the delta-v, m/s, pays it.
     """
 
-    def __init__(self, layer: SafetyLayer, mean_motion: float, k: int, num_controls: int) -> None:
+    def __init__(
+        self, layer: SafetyLayer, mean_motion: float, k: int, num_controls: int, left: float = np.inf
+    ) -> None:
         self.layer, self.n, self.k, self.is_last = layer, mean_motion, k, k + 1 == num_controls
         self.spare = SPARE * (1.0 - k / num_controls)
+        self.left = left - SPARE_DELTA_V * (1.0 - k / num_controls)
         #: from a state to the height of the centre of its ellipse, and to its radial half-axes
         self.centre = np.array([4.0, 0.0, 0.0, 0.0, 2.0 / mean_motion, 0.0])
         self.high = np.array([-3.0, 0.0, 0.0, 0.0, -2.0 / mean_motion, 0.0])
         self.aside = np.array([0.0, 0.0, 0.0, 1.0 / mean_motion, 0.0, 0.0])
 
-    def admitted(self, state: Floats, requested: Floats) -> Floats:
-        """Return the requested force, or as much of it beyond the way out as leaves one."""
-        if self.stays_open(state, requested):
-            return requested
-        forces = list(self.ways_out(state, self.k))
+    def admitted(self, state: Floats, requested: Floats) -> tuple[Floats, str | None]:
+        """Return the requested force, or as much of it beyond the way out as leaves one, with the limit."""
+        if self.stays_open(state, requested, self.left):
+            return requested, None
+        forces = list(self.ways_out(state, self.k, self.left))
         if not forces:
-            return requested
+            return requested, None
         out = min(forces, key=lambda force: float(np.abs(force).sum()))
         low, high = 0.0, 1.0
         for _ in range(0 if self.is_last else HALVINGS):
             share = 0.5 * (low + high)
-            if self.stays_open(state, out + share * (requested - out)):
+            if self.stays_open(state, out + share * (requested - out), self.left):
                 low = share
             else:
                 high = share
-        return np.asarray(out + low * (requested - out))
+        limit = "delta_v" if self.stays_open(state, requested, np.inf) else "way_out"
+        return np.asarray(out + low * (requested - out)), limit
 
-    def stays_open(self, state: Floats, force: Floats) -> bool:
-        """Return whether the state after a period with a force lies between the spheres and has a way out."""
+    def stays_open(self, state: Floats, force: Floats, left: float) -> bool:
+        """Return whether the state after a period with a force lies between the spheres and has a way out.
+
+        Force and way out must cost no more than is left, m/s.
+        """
+        left -= self.cost(force)
+        if left < 0.0:
+            return False
         ahead = self.layer.phi @ state + self.layer.gamma @ force
         if not self.layer.out + self.spare <= np.linalg.norm(ahead[:3]) <= self.layer.far - self.spare:
             return False
         if self.is_last:
             return bool(abs(self.centre @ ahead) <= CLOSED and self.lies_between(ahead, self.k + 1))
-        return any(True for _ in self.ways_out(ahead, self.k + 1))
+        return any(True for _ in self.ways_out(ahead, self.k + 1, left))
 
-    def ways_out(self, state: Floats, k: int) -> Iterator[Floats]:
-        """Yield the tried forces, N, that lead from sample k onto a closed ellipse between the spheres."""
+    def cost(self, force: Floats) -> float:
+        """Return the delta-v of a force held over a period, m/s."""
+        return float(np.abs(force).sum() * self.layer.period / self.layer.mass)
+
+    def ways_out(self, state: Floats, k: int, left: float) -> Iterator[Floats]:
+        """Yield the tried forces, N, that lead from sample k onto a closed ellipse between the spheres.
+
+        They cost no more than is left, m/s.
+        """
         free, gamma = self.layer.phi @ state, self.layer.gamma
         for force in self.tried(free):
-            is_weak = np.abs(force).max() <= self.layer.braking
+            is_weak = np.abs(force).max() <= self.layer.braking and self.cost(force) <= left
             if is_weak and self.lies_between(free + gamma @ force, k + 1):
                 yield force
 

@@ -43,13 +43,15 @@ class Guard(NamedTuple):
     braking_force: float  # N
     planned_force: float  # greatest along each axis that is passed on, N
     step_back: float  # force beyond the stop where even the stop is not safe, N; 0: none
-    stop: Floats  # (3, 6) gain of the law that stops within a control period
+    # (3, 6 or 7; 6) gain of the law that stops within a control period, N; then velocities times what makes
+    # `braking_force` their limit, or zeros without one; then the cosine of the half angle of the Sun's cone
+    stop: Floats
     checks: Motion  # (2 + J) the state itself, stopped, and after 1 ... J periods of free drift
     num_kept_out: int  # rows of positions that must stay outside the inner sphere
     num_kept_in: int  # and inside the outer one
-    # True where a way out without thrust is kept, `pipeline.flight.period.act.way_out`; else None, which is
-    # known at compile time
-    way_out: bool | None
+    # the greatest delta-v of a flight, m/s, or infinity, where a way out without thrust is kept,
+    # `pipeline.flight.period.act.way_out`; else None, which is known at compile time
+    way_out: float | None
 
 
 class FullOptics(NamedTuple):

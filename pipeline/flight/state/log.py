@@ -11,9 +11,12 @@ from pipeline.array_types import Booleans, Floats, Integers
 from pipeline.flight.state.arrays import allocated
 
 #: the limit that the safety layer acted on at a sample, see `FlightLog.safety_limit`
-SAFE, KEEP_OUT, KEEP_IN, SPEED, PASSIVE_SAFETY, APART, WAY_OUT = range(7)
+SAFE, KEEP_OUT, KEEP_IN, SPEED, PASSIVE_SAFETY, APART, WAY_OUT, AXIS_SPEED, DELTA_V, SUN = range(10)
 #: these limits in words
-LIMITS = ("safe", "keep-out", "keep-in", "speed", "passive safety", "another deputy", "way out")
+LIMITS = (
+    *("safe", "keep-out", "keep-in", "speed", "passive safety", "another deputy", "way out"),
+    *("speed along an axis", "delta-v", "Sun in view"),
+)
 
 #: what became of a component of the force, see `FlightLog.reason`; in the order of `REASONS`
 FIRED, SILENT, DEAD_BAND, WAITING, COASTING, COMPLETE, CLIPPED, SAFETY, REHEARSED = range(9)

@@ -7,7 +7,7 @@ has the proof. Vectors are bounded by their lengths, matrices by their spectral 
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import ceil, inf, radians, sqrt
+from math import ceil, cos, inf, radians, sqrt
 
 import numpy as np
 
@@ -142,20 +142,27 @@ def guard_of(mission: Mission) -> Guard:
     num_drifts = [ceil(time / period - 1e-9) for time in (safety.passive_horizon_s, safety.keep_in_horizon_s)]
     now = motion_over(mission.orbit, mission.deputy, (0.0,))
     drifts = [(j + 1) * period for j in range(max(num_drifts))]
+    braking = min(bounds.braking_force_n, mission.braking_force_n)
+    checks = joined(now, stopped(motion, stop), motion_over(mission.orbit, mission.deputy, drifts))
+    fastest, angle = safety.axis_speed_limit_m_s, safety.min_sun_angle_deg
+    if fastest > 0.0 or angle > 0.0:
+        stop = np.vstack((stop, (braking / fastest if fastest > 0.0 else 0.0) * np.eye(3, 6, 3)))
+    if angle > 0.0:
+        stop = np.vstack((stop, cos(radians(angle)) * np.eye(1, 6)))
     return Guard(
         is_on=True,
         keep_out=keep_out,
         keep_in=keep_in,
         speed_at_chief=safety.speed_limit_m_s - safety.speed_slope_per_s * safety.speed_distance_m,
         speed_slope=safety.speed_slope_per_s,
-        braking_force=min(bounds.braking_force_n, mission.braking_force_n),
+        braking_force=braking,
         planned_force=min(bounds.planned_force_n, mission.deputy.max_force_n),
         step_back=bounds.step_back_n,
         stop=stop,
-        checks=joined(now, stopped(motion, stop), motion_over(mission.orbit, mission.deputy, drifts)),
+        checks=checks,
         num_kept_out=STANDING + num_drifts[0],
         num_kept_in=STANDING + num_drifts[1],
-        way_out=safety.keep_way_out or None,
+        way_out=(safety.delta_v_limit_m_s or inf) if safety.keep_way_out else None,
     )
 
 

@@ -338,6 +338,7 @@ def test_what_the_layer_finds_safe_stays_safe_while_it_drifts(drawn: Mission, se
         farther = np.linalg.norm(state[:3]) - safety.speed_distance_m
         fastest = safety.speed_limit_m_s + safety.speed_slope_per_s * farther
         assert np.linalg.norm(state[3:]) <= fastest + 1e-9
+        assert np.abs(state[3:]).max() <= (safety.axis_speed_limit_m_s or np.inf) + 1e-9
 
 
 def most_exceeded_of(world: Any, state: np.ndarray, num_checks: int) -> float:

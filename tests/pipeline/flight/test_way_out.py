@@ -59,7 +59,7 @@ def flying(state):
 
 
 def has_way_out(mission, state):
-    return is_open(pack_world(mission), 0, flying(np.asarray(state, dtype=np.float64)))
+    return is_open(pack_world(mission), 0, flying(np.asarray(state, dtype=np.float64)), 0.0)
 
 
 @cache
@@ -102,7 +102,8 @@ def test_each_sample_has_a_way_out_and_the_last_needs_none(name):
     log, world = fly_logged(KEPT, HOSTILE[name], starts()[0]), pack_world(KEPT)
     states = np.hstack([log.position_m, log.velocity_m_s])
     for k in range(0, KEPT.num_controls, 20):
-        is_left, force = way_out(world, k, free_state(world, k, flying(states[k])), spare_at(world, k), False)
+        free = free_state(world, k, flying(states[k]))
+        is_left, force = way_out(world, k, free, spare_at(world, k), np.inf, False)
         assert is_left
         assert max(map(abs, force)) <= KEPT.braking_force_n
         after = coasted(pushed(KEPT, states[k], np.array(force), KEPT.control_period_s), ORBIT_S)

@@ -33,7 +33,7 @@ from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.fly.stepping import SteppedFlights
 from pipeline.flight.fly.tours import tour_images
 from pipeline.flight.period.decide import urgency
-from pipeline.flight.state.log import REHEARSED
+from pipeline.flight.state.log import AXIS_SPEED, REHEARSED
 from pipeline.onboard.allowed import NotTranslatableError
 from pipeline.onboard.export import export
 from pipeline.onboard.fmi import variables
@@ -139,8 +139,10 @@ def test_the_sun_may_stand_out_of_the_orbit_plane(tmp_path):
     assert not np.any(answers["force_n"])
 
 
-def test_the_safety_layer_changes_the_same_forces_for_the_same_limit(tmp_path):
-    guarded = mission(duration_s=1200.0, safety={"kind": "filter"}, deputy={"min_distance_m": 45.0})
+@pytest.mark.parametrize("axis_speed_limit_m_s", [0.0, 0.02])
+def test_the_safety_layer_changes_the_same_forces_for_the_same_limit(tmp_path, axis_speed_limit_m_s):
+    safety = {"kind": "filter", "axis_speed_limit_m_s": axis_speed_limit_m_s}
+    guarded = mission(duration_s=1200.0, safety=safety, deputy={"min_distance_m": 45.0})
     program = translate(guarded, controller("champion_27"))
     library = written(program, tmp_path)
     acted = 0
@@ -149,7 +151,9 @@ def test_the_safety_layer_changes_the_same_forces_for_the_same_limit(tmp_path):
         answers = library.answers(recorded(program, start, log))
         assert len(differing(answers, log)) == 0
         assert np.array_equal(answers["safety_limit"], log.safety_limit)
-        acted += np.count_nonzero(log.safety_limit)
+        acted += np.count_nonzero(
+            log.safety_limit == AXIS_SPEED if axis_speed_limit_m_s else log.safety_limit
+        )
     assert acted > 0
 
 

@@ -80,7 +80,7 @@ CLOCKS = ("control_period_s", "attitude_period_s", "duration_s")
 
 def test_missions_drawn_at_random_are_accepted_or_told_what_does_not_fit():
     random, outcomes = np.random.default_rng(7), Counter()
-    for _ in range(2500):
+    for _ in range(5000):
         settings = drawn(random)
         fault = breaks(settings)
         try:

@@ -32,6 +32,7 @@ from pipeline.array_types import Floats
 from pipeline.flight.period.act.safety import (
     HALVINGS,
     MOST_CUTS,
+    NO_SUN,
     SLACK,
     STANDING,
     TOLERANCE,
@@ -211,7 +212,7 @@ def nearest_force(
         limit, index, _ = most_exceeded(world, k, ahead, num_checks)
         if limit == SAFE:
             break
-        cut(world, k, free, ahead, limit, index, cuts[num_cuts])
+        cut(world, k, free, ahead, limit, index, NO_SUN, 0.0, cuts[num_cuts])
         force = project(requested, cuts, num_cuts + 1, most)
     return force
 

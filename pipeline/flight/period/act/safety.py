@@ -4,15 +4,18 @@ docs/explanation/safety.md has the limits, their sources, and why samples never 
 held over the control period T leads to the next state ``s = Phi s(k) + Gamma f``. From there the force
 ``f_stop = K s``, ``K = -Gamma_v^-1 Phi_v``, stops the deputy within a period, at ``r_stop = P s``,
 ``P = Phi_r + Gamma_r K``. Never given up are the limits on the distance at s and at r_stop, on each axis of
-f_stop, and on the speed, ``|v| <= v0 + v1 (|r| - d0)``.
+f_stop, and on the speed, ``|v| <= v0 + v1 (|r| - d0)``, and that along each axis, if one is set.
 
 Limits on the distance in free drift from s, at all samples of a horizon, act early, while a small force is
 enough (passive safety: Breger and How, "Safe trajectories for autonomous rendezvous of spacecraft",
-J. Guidance 31, 2008). They yield to the others.
+J. Guidance 31, 2008). They yield to the others. First of all yields the cone in which a camera that points
+at the chief looks into the Sun: it turns with the Sun, so that a deputy at rest does not stay outside.
 
 On a true course states are predicted along the chief's orbit. Stops there are those of the mean motion, which
 the bounds on neglected accelerations cover.
 """
+
+from math import cos, sin, sqrt
 
 import numpy as np
 
@@ -31,9 +34,10 @@ from fis_tools.compiled.three import (
 )
 from fis_tools.compiled.vectors import Mask, least, most, select, some, splat, store, width_of
 from pipeline.array_types import Floats
+from pipeline.flight.period.look.optics import Pair, turned_back
 from pipeline.flight.state.arrays import FlightState, Moment, World
-from pipeline.flight.state.lanes import clip_three
-from pipeline.flight.state.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED
+from pipeline.flight.state.lanes import clip_three, load_pair
+from pipeline.flight.state.log import AXIS_SPEED, KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED, SUN
 from pipeline.physics.motion import (
     drifted_position,
     drifted_velocity,
@@ -61,6 +65,12 @@ Flying = tuple[Three, Three]
 
 #: rows of `Guard.checks` whose limits are never given up: at the next sample, and stopped from there
 STANDING = 2
+#: rows of `Guard.stop` that give the stop's force; of those that follow, the row of the Sun's cone
+NUM_BRAKING, OF_SUN = 3, 6
+#: share of the depth in the Sun's cone that may be left after a control period
+STAYING = 0.98
+#: the Sun where its cone is given up, or there is none
+NO_SUN = Three(0.0, 0.0, 0.0)
 #: margin of corrections to a limit, m, and to one that acts early, so that the next sample needs none
 SLACK, EARLY_SLACK = 1e-4, 0.1
 #: tolerance for rounding, m
@@ -89,6 +99,49 @@ def checked_position(world: World, k: int, row: int, ahead: Flying, free: Flying
     if row >= STANDING and follows_course(world.transitions):
         return position_at(world.transitions, k + 2 + row - STANDING, free)
     return drifted_position(position_rows_of(world.guard.checks, row), ahead[0], ahead[1])
+
+
+@compiled(error_model="numpy", forceinline=True)
+def keeps_from_sun(world: World) -> bool:
+    """Return whether deputies are to stay out of the Sun's cone."""
+    return len(world.guard.stop) > OF_SUN
+
+
+@compiled(error_model="numpy", forceinline=True)
+def turned_by_period(world: World, turned: Pair) -> Pair:
+    """Return cosine and sine of the Sun's angle at the next sample, as deputies predict it."""
+    angle = world.mean_motion * world.control_period
+    return turned_back(turned, (cos(angle), sin(angle)))
+
+
+@compiled(error_model="numpy", forceinline=True)
+def sun_at(turned: Pair, height: Pair) -> Three:
+    """Return the direction of the Sun by cosines and sines of its angle and elevation."""
+    return Three(height[0] * turned[0], height[0] * turned[1], height[1])
+
+
+@compiled(error_model="numpy")
+def depth_in_cone(world: World, position: Three, sun: Three) -> float:
+    """Return how far inside the Sun's cone a position lies, m; negative outside.
+
+    There, on the far side of the chief, the angle between the chief and the Sun is too small.
+    """
+    if not keeps_from_sun(world):
+        return 0.0
+    cosine, along = world.guard.stop[OF_SUN, 0], -dot(position, sun)
+    across = sqrt(max(0.0, dot(position, position) - along * along))
+    depth: float = along * sqrt(1.0 - cosine * cosine) - across * cosine
+    return depth
+
+
+@compiled(error_model="numpy")
+def out_of_cone(world: World, position: Three, sun: Three) -> Three:
+    """Return the normal of the Sun's cone at the line of it that is nearest to a position inside."""
+    cosine, along = world.guard.stop[OF_SUN, 0], -dot(position, sun)
+    across = position + along * sun
+    if length(across) < TOLERANCE:  # on the axis any way out is as good
+        across = Three(-sun.y, sun.x, 0.0) if abs(sun.z) < 0.9 else Three(0.0, -sun.z, sun.y)
+    return cosine / length(across) * across + sqrt(1.0 - cosine * cosine) * sun
 
 
 @compiled(error_model="numpy")
@@ -120,6 +173,13 @@ def look_ahead(world: World, k: int, state: FlightState) -> Mask:
             reach = most(square, reach)
     is_unsafe = length(next_velocity) - guard.speed_at_chief - guard.speed_slope * length(next_position) > 0.0
     is_unsafe |= braking > guard.braking_force
+    if len(guard.stop) > NUM_BRAKING:
+        u, v, w = next_velocity
+        is_unsafe |= guard.stop[3, 3] * most(most(abs(u), abs(w)), abs(v)) > guard.braking_force
+    if keeps_from_sun(world):
+        lanes, cosine = state.lanes, guard.stop[OF_SUN, 0]
+        sun = sun_at(turned_by_period(world, load_pair(lanes.sun)), load_pair(lanes.sun_height))
+        is_unsafe |= -dot(next_position, sun) - cosine * length(next_position) > 0.0
     is_unsafe |= most(most(abs(force.x), abs(force.z)), abs(force.y)) > guard.planned_force
     return is_unsafe | (closest < guard.keep_out * guard.keep_out) | (reach > guard.keep_in * guard.keep_in)
 
@@ -146,7 +206,8 @@ def next_state(world: World, k: int, free: Flying, force: Three) -> Flying:
 def most_exceeded(world: World, k: int, ahead: Flying, num_checks: int) -> tuple[int, int, float]:
     """Return the limit that the state after sample k exceeds most, the index of its check, and the excess, m.
 
-    Speeds count by the distance covered in a period, braking forces by the displacement in one.
+    Speeds count by the distance covered in a period, braking forces, and speeds along an axis as such, by the
+    displacement in one.
     """
     guard, free = world.guard, free_from(world, k, ahead)
     limit, index, excess = SAFE, 0, 0.0
@@ -166,16 +227,29 @@ def most_exceeded(world: World, k: int, ahead: Flying, num_checks: int) -> tuple
         over = world.motion.control[0, 2, 2] * (abs(braking[axis]) - guard.braking_force)
         if over > excess:
             limit, index, excess = SPEED, 1 + axis, over
+    for row in range(NUM_BRAKING, min(len(guard.stop), OF_SUN)):
+        speed = guard.stop[row, row] * ahead[1][row - NUM_BRAKING]
+        over = world.motion.control[0, 2, 2] * (abs(speed) - guard.braking_force)
+        if over > excess:
+            limit, index, excess = AXIS_SPEED, row, over
     return limit, index, excess
 
 
 @compiled(error_model="numpy")
 def cut(
-    world: World, k: int, free: Flying, ahead: Flying, limit: int, index: int, half_space: Floats
+    world: World,
+    k: int,
+    free: Flying,
+    ahead: Flying,
+    limit: int,
+    index: int,
+    sun: Three,
+    most_deep: float,
+    half_space: Floats,
 ) -> None:
     """Write the half-space ``g . f >= b`` that is tangent to a limit in the direction of a next state.
 
-    Outside a sphere, the half-space lies in the safe set; inside one, it contains the safe set.
+    Outside a sphere or the cone, the half-space lies in the safe set; inside a sphere, it contains that.
     """
     guard, (position, velocity) = world.guard, ahead
     # the limit, linear: p . r + q . v >= level
@@ -185,6 +259,13 @@ def cut(
         sign = -1.0 if stopping_force(guard.stop, position, velocity)[axis] > 0.0 else 1.0
         p, q = sign * three_of(row), sign * three_of(row[3:])
         level = SLACK / world.motion.control[0, 2, 2] - guard.braking_force
+    elif limit == AXIS_SPEED:
+        row = guard.stop[min(index, len(guard.stop) - 1)]
+        sign = -1.0 if dot(three_of(row[3:]), velocity) > 0.0 else 1.0
+        p, q = sign * three_of(row), sign * three_of(row[3:])
+        level = SLACK / world.motion.control[0, 2, 2] - guard.braking_force
+    elif limit == SUN and keeps_from_sun(world):
+        p, q, level = out_of_cone(world, position, sun), NO_SUN, EARLY_SLACK - most_deep
     elif limit == SPEED:
         speed, distance = max(length(velocity), TOLERANCE), max(length(position), TOLERANCE)
         p, q = guard.speed_slope * position / distance, -1.0 * velocity / speed
@@ -237,9 +318,18 @@ def project(requested: Three, cuts: Floats, num_cuts: int, max_force: float) -> 
 
 @compiled(error_model="numpy")
 def nearest_safe_force(
-    world: World, k: int, free: Flying, requested: Three, num_checks: int, cuts: Floats
+    world: World,
+    k: int,
+    free: Flying,
+    requested: Three,
+    num_checks: int,
+    sun: Three,
+    most_deep: float,
+    cuts: Floats,
 ) -> Three:
     """Return the force nearest to the requested one that keeps the limits of the first checks, if any does.
+
+    Nor does it lead deeper into the Sun's cone than `most_deep`, m, unless the Sun is `NO_SUN`.
 
     The most exceeded limit is replaced by a half-space, the force projected, and so on (Kelley, "The
     cutting-plane method for solving convex programs", J. SIAM 8, 1960). Forces are in N, Hill axes. `cuts`,
@@ -249,10 +339,12 @@ def nearest_safe_force(
     force = clip_three(requested, world.guard.planned_force)
     for num_cuts in range(MOST_CUTS):
         ahead = next_state(world, k, free, force)
-        limit, index, _ = most_exceeded(world, k, ahead, num_checks)
+        limit, index, excess = most_exceeded(world, k, ahead, num_checks)
+        if depth_in_cone(world, ahead[0], sun) - most_deep > excess:
+            limit = SUN
         if limit == SAFE:
             break
-        cut(world, k, free, ahead, limit, index, cuts[num_cuts])
+        cut(world, k, free, ahead, limit, index, sun, most_deep, cuts[num_cuts])
         force = project(requested, cuts, num_cuts + 1, world.guard.planned_force)
     return force
 
@@ -291,10 +383,13 @@ def retreat(world: World, k: int, known: Flying, free: Flying, force: Three) -> 
 
 
 @compiled(error_model="numpy")
-def corrected_force(world: World, k: int, known: Flying, requested: Three, cuts: Floats) -> tuple[Three, int]:
+def corrected_force(
+    world: World, k: int, known: Flying, requested: Three, suns: tuple[Three, Three], cuts: Floats
+) -> tuple[Three, int]:
     """Return the force that replaces an unsafe one at sample k, and the limit that caused the change.
 
-    Tried in this order: all limits; only those that are never given up; as far from the stop as is safe.
+    Tried in this order: all limits; all but the Sun's cone; only those that are never given up; as far from
+    the stop as is safe. The Sun is given as it is now, and at the next sample.
     """
     num_checks = len(world.guard.checks.transition)
     free = free_state(world, k, known)
@@ -307,9 +402,20 @@ def corrected_force(world: World, k: int, known: Flying, requested: Three, cuts:
         and max(abs(requested.x), abs(requested.y), abs(requested.z)) > world.guard.planned_force
     ):
         limit = SPEED
-    force = nearest_safe_force(world, k, free, requested, num_checks, cuts)
+    if keeps_from_sun(world):
+        # from inside it leads out, by and by
+        most_deep, sun = STAYING * max(0.0, depth_in_cone(world, known[0], suns[0])), suns[1]
+        if limit == SAFE and depth_in_cone(world, ahead[0], sun) <= most_deep:
+            return requested, SAFE
+        force = nearest_safe_force(world, k, free, requested, num_checks, sun, most_deep, cuts)
+        reached = next_state(world, k, free, force)
+        excess = depth_in_cone(world, reached[0], sun) - most_deep
+        excess = max(excess, most_exceeded(world, k, reached, num_checks)[2])
+        if excess <= TOLERANCE:
+            return force, SUN if limit == SAFE else limit
+    force = nearest_safe_force(world, k, free, requested, num_checks, NO_SUN, 0.0, cuts)
     if not is_safe(world, k, free, force, TOLERANCE):
-        force = nearest_safe_force(world, k, free, requested, STANDING, cuts)
+        force = nearest_safe_force(world, k, free, requested, STANDING, NO_SUN, 0.0, cuts)
         if not is_safe(world, k, free, force, TOLERANCE):
             force = retreat(world, k, known, free, force)
     return force, limit
@@ -330,9 +436,14 @@ def assure(now: Moment, cuts: Floats) -> None:
             continue
         known = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
         requested = lane_of(lanes.commanded, 0, lane)
-        force, limit = corrected_force(world, now.k, known, requested, cuts)
+        suns = NO_SUN, NO_SUN
+        if keeps_from_sun(world):
+            turned = lanes.sun[0, lane], lanes.sun[1, lane]
+            height = lanes.sun_height[0, lane], lanes.sun_height[1, lane]
+            suns = sun_at(turned, height), sun_at(turned_by_period(world, turned), height)
+        force, limit = corrected_force(world, now.k, known, requested, suns, cuts)
         if limit == SAFE:
-            continue  # it exceeds a limit by rounding alone
+            continue  # it exceeds a limit by rounding alone, or no safe force leads out of the Sun's cone
         lanes.num_acted[lane] += 1.0
         lanes.limit[lane] = limit
         change = force - requested

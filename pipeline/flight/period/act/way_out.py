@@ -9,6 +9,7 @@ place, and across the orbit plane the swing stays, or is shifted to a quarter of
 
 A state *has a way out* if one such force leads onto a closed ellipse between the spheres of the safety layer.
 Only forces are admitted after which the state has one again; the last control period ends on an ellipse.
+Where the delta-v is limited, a force counts as a way out only if what is left of the limit pays for it.
 """
 
 from math import cos, inf, pi, sin
@@ -19,7 +20,7 @@ from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, lane_of, length, write_lane
 from pipeline.flight.period.act.safety import Flying, free_state, next_state
 from pipeline.flight.state.arrays import Moment, World
-from pipeline.flight.state.log import SAFE, WAY_OUT
+from pipeline.flight.state.log import DELTA_V, SAFE, WAY_OUT
 from pipeline.physics.motion import ORBIT_PARTS, position_rows_of, propagator_of
 
 #: half-axes that are tried each way, evenly up to the greatest that any ellipse inside the limits has
@@ -31,6 +32,8 @@ BEYOND = 0.5 * (pi / ORBIT_PARTS) * (pi / ORBIT_PARTS)
 #: what is spared between ellipses and spheres at the start, m; it falls to nothing at the end, so that
 #: rounding from one period to the next takes no way out
 SPARE = 1e-3
+#: the same of the limit on the delta-v, m/s: a way out that has been taken is a force by rounding alone
+SPARE_DELTA_V = 1e-6
 #: greatest ``x_c`` of an ellipse that counts as closed, m
 CLOSED = 1e-6
 #: where the effect of a force on the swing's phase is smaller than this, m/N, it is left as it is
@@ -102,19 +105,23 @@ def tried_force(world: World, k: int, number: int, free: Flying) -> Three:
 
 
 @compiled(error_model="numpy")
-def way_out(world: World, k: int, free: Flying, spare: float, is_any: bool) -> tuple[bool, Three]:
+def way_out(
+    world: World, k: int, free: Flying, spare: float, affordable: float, is_any: bool
+) -> tuple[bool, Three]:
     """Return whether a force at sample k leads onto a closed ellipse between the spheres, and the cheapest.
 
-    The state after the period without a force is given. Any such force will do if `is_any`.
+    The state after the period without a force is given, and the greatest sum of a force's components, N, that
+    the flight can afford. Any such force will do if `is_any`.
     """
     best, cheapest = Three(0.0, 0.0, 0.0), inf
     for number in range(NUM_TRIED):
         force = tried_force(world, k, number, free)
         x, y, z = abs(force.x), abs(force.y), abs(force.z)
-        if max(x, y, z) > world.guard.braking_force or not x + y + z < cheapest:
+        cost = x + y + z
+        if max(x, y, z) > world.guard.braking_force or not cost < cheapest or cost > affordable:
             continue
         if lies_between(world, k + 1, next_state(world, k, free, force), spare):
-            best, cheapest = force, x + y + z
+            best, cheapest = force, cost
             if is_any:
                 break
     return cheapest < inf, best
@@ -127,49 +134,71 @@ def spare_at(world: World, k: int) -> float:
 
 
 @compiled(error_model="numpy")
-def is_open(world: World, k: int, known: Flying) -> bool:
-    """Return whether a state at sample k lies between the spheres and has a way out."""
-    distance, guard = length(known[0]), world.guard
-    is_between = guard.keep_out <= distance <= guard.keep_in
-    return is_between and way_out(world, k, free_state(world, k, known), spare_at(world, k), True)[0]
+def limit_on_delta_v(way_out: float | None) -> float:
+    """Return `Guard.way_out`, a number in code that is compiled and never run, too, m/s."""
+    return inf if way_out is None else way_out
 
 
 @compiled(error_model="numpy")
-def stays_open(world: World, k: int, free: Flying, force: Three) -> bool:
+def affordable_at(world: World, k: int, spent: float) -> float:
+    """Return the greatest sum of a force's components, N, that may be fired at sample k, having spent m/s."""
+    spare = SPARE_DELTA_V * (world.num_controls - k) / world.num_controls
+    force: float = (limit_on_delta_v(world.guard.way_out) - spare - spent) / world.delta_v_per_force
+    return force
+
+
+@compiled(error_model="numpy")
+def is_open(world: World, k: int, known: Flying, spent: float) -> bool:
+    """Return whether a state at sample k lies between the spheres and has a way out, having spent m/s."""
+    distance, guard = length(known[0]), world.guard
+    is_between = guard.keep_out <= distance <= guard.keep_in
+    free, affordable = free_state(world, k, known), affordable_at(world, k, spent)
+    return is_between and way_out(world, k, free, spare_at(world, k), affordable, True)[0]
+
+
+@compiled(error_model="numpy")
+def stays_open(world: World, k: int, free: Flying, force: Three, spent: float) -> bool:
     """Return whether a force at sample k is admitted: the state after it has a way out, or at the end is out.
 
-    The state after the period without a force is given.
+    The state after the period without a force is given, and the delta-v spent before it, m/s.
     """
     ahead, guard, spare = next_state(world, k, free, force), world.guard, spare_at(world, k)
     distance = length(ahead[0])
     if not guard.keep_out + spare <= distance <= guard.keep_in - spare:
         return False
+    cost = abs(force.x) + abs(force.y) + abs(force.z)
+    if cost > affordable_at(world, k, spent):
+        return False
     if k + 1 == world.num_controls:
         return abs(centre_of(world, ahead)) <= CLOSED and lies_between(world, k + 1, ahead, spare)
-    return way_out(world, k + 1, free_state(world, k + 1, ahead), spare, True)[0]
+    affordable = affordable_at(world, k, spent + cost * world.delta_v_per_force)
+    return way_out(world, k + 1, free_state(world, k + 1, ahead), spare, affordable, True)[0]
 
 
 @compiled(error_model="numpy")
-def admitted_force(world: World, k: int, known: Flying, requested: Three) -> Three:
-    """Return the force, N, that replaces one after which there is no way out; any other stays as it is.
+def admitted_force(world: World, k: int, known: Flying, requested: Three, spent: float) -> tuple[Three, int]:
+    """Return the force, N, that replaces one after which there is no way out, and for which limit.
 
-    It is as far from the way out towards what is requested as bisection finds. From a state without a way
-    out nothing is promised, and the force stays.
+    Any other stays as it is. It is as far from the way out towards what is requested as bisection finds. From
+    a state without a way out nothing is promised, and the force stays.
     """
     free = free_state(world, k, known)
-    if stays_open(world, k, free, requested):
-        return requested
-    is_left, force = way_out(world, k, free, spare_at(world, k), False)
+    if stays_open(world, k, free, requested, spent):
+        return requested, SAFE
+    affordable = affordable_at(world, k, spent)
+    is_left, force = way_out(world, k, free, spare_at(world, k), affordable, False)
     if not is_left:
-        return requested
+        return requested, SAFE
     correction, low, high = requested - force, 0.0, 1.0
     for _ in range(HALVINGS if k + 1 < world.num_controls else 0):
         share = 0.5 * (low + high)
-        if stays_open(world, k, free, force + share * correction):
+        if stays_open(world, k, free, force + share * correction, spent):
             low = share
         else:
             high = share
-    return force + low * correction
+    # but for what it costs it is admitted
+    is_spent = stays_open(world, k, free, requested, -inf)
+    return force + low * correction, DELTA_V if is_spent else WAY_OUT
 
 
 @compiled(error_model="numpy")
@@ -179,13 +208,13 @@ def keep_way_out(now: Moment) -> None:
     for lane in range(now.num_lanes):
         known = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
         requested = lane_of(lanes.commanded, 0, lane)
-        force = admitted_force(world, now.k, known, requested)
+        force, limit = admitted_force(world, now.k, known, requested, lanes.spent[lane])
         more = force - requested
         if max(abs(more.x), abs(more.y), abs(more.z)) == 0.0:
             continue
         if lanes.limit[lane] == SAFE:
             lanes.num_acted[lane] += 1.0
-        lanes.limit[lane] = WAY_OUT
+        lanes.limit[lane] = limit
         earlier = lane_of(lanes.change, 0, lane)
         change = earlier + more
         for axis in range(3):

@@ -154,6 +154,49 @@ def test_the_layer_proves_that_flights_stay_where_it_keeps_a_way_out():
     )
 
 
+def test_the_layer_proves_that_no_axis_is_faster_than_its_limit():
+    words = "safety=filter", "safety.axis_speed_limit_m_s=0.05"
+    proof = safety_proof(experiment(*words).mission, scenarios(20), SHELL)
+    claims = {
+        "always (velocity_radial <= 0.0501 m/s)": True,
+        "always (velocity_cross_track >= -0.0501 m/s)": True,
+        "always (velocity_along_track <= 0.05 m/s)": False,  # rounding
+        "always (velocity_radial <= 0.04 m/s)": False,
+        "always (delta_v <= 5.62 m/s)": False,
+        KEPT: True,
+    }
+    assert {text: proof.proves(parse(text, UNITS)) for text in claims} == claims
+    assert proof.words() == "all samples from 16 to 198 m and at most 0.05 m/s fast along each axis"
+    # errors are bounded for distances alone, and the way out has the last word
+    for more in (("safety=robust", "world=leo"), ("safety.keep_way_out=true",)):
+        assert safety_proof(experiment(*words, *more).mission, [], (50.0, 51.0, 0.0)).axis_speed_m_s is None
+
+
+def test_the_layer_proves_what_flights_spend_where_they_keep_a_way_out():
+    words = "safety=filter", "safety.keep_way_out=true"
+    limited = experiment(*words, "safety.delta_v_limit_m_s=0.5").mission
+    starts = [replace(start, position_m=0.8 * start.position_m) for start in scenarios(20)]
+    proof = safety_proof(limited, starts, (50.0, 80.0, 0.0))
+    assert (proof.num_safe, proof.are_all_safe) == (20, True)
+    claims = {
+        "always (delta_v <= 5.62 m/s)": True,
+        "always (delta_v < 0.5001 m/s)": True,
+        "always (delta_v <= 0.4 m/s)": False,
+        STAYS: True,
+        KEPT: True,
+    }
+    assert {text: proof.proves(parse(text, UNITS)) for text in claims} == claims
+    assert proof.words().endswith("m, and ends on an ellipse between them for 0.5 m/s at most")
+    # what no start can pay has no proof
+    scarce = experiment(*words, "safety.delta_v_limit_m_s=0.01").mission
+    poor = safety_proof(scarce, starts, (50.0, 80.0, 0.0))
+    assert not poor.are_all_safe
+    assert poor.num_safe < 20
+    assert not poor.proves(parse(KEPT, UNITS))
+    why = verdicts.results_by_method(Evidence(REQUIREMENT, proof=poor))["safety_layer"].why
+    assert why.endswith("lower monte_carlo.max_distance_m, or raise safety.delta_v_limit_m_s")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("overrides", [(), ("world=rso",), ("world=afrl",), ("safety=robust", "world=leo")])
 def test_a_shell_is_safe_only_if_all_states_in_it_are(overrides):
