@@ -86,3 +86,10 @@ def test_rank_correlation_is_scipys() -> None:
     assert correlation.low == pytest.approx(bootstrap.confidence_interval.low, abs=0.03)
     assert correlation.high == pytest.approx(bootstrap.confidence_interval.high, abs=0.03)
     assert of_constant.value == 0.0
+
+
+def test_three_pairs_say_nothing_of_a_rank_correlation():
+    assert statistics.correlation_ends(0.9, 3, 1.96) == (-1.0, 1.0)
+    low, high = statistics.correlation_ends(0.9, 4, 1.96)
+    assert -1.0 < low < 0.0
+    assert 0.9 < high < 1.0
