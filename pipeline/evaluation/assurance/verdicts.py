@@ -215,6 +215,10 @@ def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> MethodResult:
     times = "all samples" if proof.probability == 1.0 else "flights at all times"
     spheres = f"{times} from {proof.keep_out_m:g} to {proof.keep_in_m:g} m"
     spheres += ", and ends on an ellipse between them" if proof.stays else ""
+    if proof.keep_apart_m > 0.0:
+        spheres += (
+            f", and deputies {proof.keep_apart_m:g} m apart that start {proof.start_apart_m:.4g} m apart"
+        )
     such = f", such as one {proof.exception}," if proof.exception else ""
     state = "safe states, from which the proof begins"
     if proof.stays:
