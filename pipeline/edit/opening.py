@@ -8,7 +8,7 @@ from fis_tools.edit.session import Session
 from pipeline.controllers.source import load
 from pipeline.edit.cases import EditorCases
 from pipeline.edit.panels import panels
-from pipeline.evaluation.assurance.requirements import load_requirements
+from pipeline.evaluation.assurance.requirements import check_deputies, load_requirements
 from pipeline.flight.state.descriptions import with_descriptions
 from pipeline.flight.state.signals import CONSTANTS
 from pipeline.settings.experiment import Experiment, SettingError
@@ -25,7 +25,9 @@ def open_editor(experiment: Experiment, port: int, *, opens_browser: bool) -> No
     controller = load(experiment.controller, experiment.mission).fuzzy
     if controller is None:
         raise SettingError("this controller has no rules to edit; choose one that has, such as champion_27")
-    cases = EditorCases(experiment, load_requirements(experiment.assurance.requirements, experiment.mission))
+    requirements = load_requirements(experiment.assurance.requirements, experiment.mission)
+    check_deputies(requirements, experiment.mission)
+    cases = EditorCases(experiment, requirements)
     path = Path(str(experiment.controller.get("path", f"{controller.name}.yaml")))
     meanings = {name: kind.description for name, kind in CONSTANTS.items()}
 

@@ -16,10 +16,10 @@ from pipeline.evaluation.after import Aftermath, aftermath, coasting_pairs, join
 from pipeline.evaluation.statistics import Column, Columns, statistic, succeeds
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.fly.fleets import OF_DEPUTIES, FleetOutcomes
+from pipeline.flight.fly.fleets import NO_MESSAGES, OF_DEPUTIES, FleetOutcomes, fly_all_fleets
 from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.goals.reach import ReachOutcomes
-from pipeline.flight.state.arrays import NUM_PLACED, NUM_TRACKED
+from pipeline.flight.state.arrays import NUM_PLACED, NUM_TRACKED, TRACK_LEFT
 from pipeline.flight.state.log import Outcomes, Scenario, combined, inspectable_rate
 from pipeline.flight.world.pack import inspection_points
 from pipeline.scenarios import columns_of
@@ -54,6 +54,22 @@ def fly_tracked(
     shape = len(scenarios), *deputies, mission.num_controls + 1, num_tracked
     tracks = np.empty(shape, dtype=np.float32)
     return fly_all(mission, controller, scenarios, workers, tracks), tracks
+
+
+def fly_tracked_fleets(
+    mission: Mission, controller: Controller, scenarios: list[Scenario], workers: int | None
+) -> tuple[Outcomes, NDArray[np.float32]]:
+    """Fly fleets; return their outcomes, and the tracks of their deputies, (n, D, K+1, 15).
+
+    Points that are left are those that no deputy has seen, whether the others know of it or not.
+    """
+    num_points, num_samples = len(inspection_points(mission)), mission.num_controls + 1
+    tracks = np.empty((len(scenarios), mission.fleet.deputies, num_samples, NUM_TRACKED), dtype=np.float32)
+    seen_by = np.zeros((len(scenarios), num_samples, num_points), dtype=np.uint8)
+    messages = NO_MESSAGES._replace(seen_by=seen_by)
+    outcomes = fly_all_fleets(mission, controller, scenarios, workers, tracks, messages=messages)
+    tracks[..., TRACK_LEFT] = num_points - np.count_nonzero(seen_by, axis=2)[:, np.newaxis]
+    return outcomes, tracks
 
 
 def fly_cases(

@@ -1,7 +1,7 @@
 """The distance of all flights that a board judges, with each limit that is named, and what follows."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import ceil
 from typing import Any
 
@@ -50,13 +50,15 @@ class BoardFlights:
     Parameters
     ----------
     num_cases : int
-        Of the evidence.
+        Of the evidence; of fleets, its deputies.
     time_s : (K+1,) array
     distance_m : (n, K+1) array
         Of the first cases, of which not all may be drawn.
     after_s : (J,) array
         From the end on; empty where free motion is not followed.
     after_m : (n, J) array
+    noun : str
+        What has a flight: a case, or a deputy of a fleet.
     """
 
     num_cases: int
@@ -64,6 +66,7 @@ class BoardFlights:
     distance_m: Floats
     after_s: Floats = field(default_factory=lambda: np.zeros(0))
     after_m: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    noun: str = "case"
 
     def percent_beyond(self, limit_m: float, minutes: float) -> float:
         """Return which share of the flights goes beyond a distance within some minutes after the end, %."""
@@ -74,8 +77,13 @@ class BoardFlights:
 def flights_of_board(mission: Mission, tracks: NDArray[np.floating], num_cases: int) -> BoardFlights:
     """Return the distances of some flights, (n, K+1, 6 or more), and of what follows them.
 
-    What follows is told of inspections alone: a flight to a goal ends there.
+    What follows is told of inspections alone: a flight to a goal ends there. Of fleets, (n, D, K+1, 6 or
+    more), each deputy counts.
     """
+    if tracks.ndim == 4:
+        of_each = tracks.reshape(-1, *tracks.shape[2:])
+        flights = flights_of_board(mission.of_each, of_each, num_cases * tracks.shape[1])
+        return replace(flights, noun="deputy")
     states = np.asarray(tracks[:, :, :6], dtype=np.float64)
     distances = _lengths(states[:, :, :3], 2)
     times = mission.control_period_s * np.arange(states.shape[1], dtype=np.float64)
@@ -182,7 +190,9 @@ def _ticks(last: float, count: int) -> list[float]:
 def in_words(flights: BoardFlights, limits: Sequence[Limit]) -> str:
     """Return what the drawing shows, and where free motion leads."""
     drawn, flown = min(MOST_DRAWN, len(flights.distance_m)), len(flights.distance_m)
-    some = f"The first {drawn:,} of {flights.num_cases:,} cases" if drawn < flights.num_cases else "Each case"
+    noun, nouns = flights.noun, {"case": "cases", "deputy": "deputies"}[flights.noun]
+    all_but = f"The first {drawn:,} of {flights.num_cases:,} {nouns}"
+    some = all_but if drawn < flights.num_cases else f"Each {noun}"
     words = f"{some}; bold: the first, not chosen for its outcome."
     named = "; ".join(f"{limit.value_m:g} m: {', '.join(limit.titles)}" for limit in limits)
     words += f" Lines: {named}." if named else ""
@@ -191,7 +201,7 @@ def in_words(flights: BoardFlights, limits: Sequence[Limit]) -> str:
         return words
     shares = ", ".join(f"{flights.percent_beyond(limit.value_m, minutes):.1f}" for minutes in TOLD_MIN)
     within = ", ".join(str(minutes) for minutes in TOLD_MIN)
-    of_which = f"{flown:,} cases" if flown < flights.num_cases else "cases"
+    of_which = f"{flown:,} {nouns}" if flown < flights.num_cases else nouns
     return (
         f"{words} Dashed: free motion after the last push. Beyond {limit.value_m:g} m within {within} min "
         f"after the end: {shares} % of {of_which}."

@@ -88,8 +88,10 @@ def run_in_words(evidence: Mapping[str, Any]) -> str:
     conditions = evidence["conditions"]
     errors = ", ".join(word for word in uncertain(conditions) if word != "Sun")
     sun = f"Sun {conditions['sun']}, " if conditions["sun"] else ""
+    cases = f"{conditions['num_cases']:,} cases"
+    cases += f" of {conditions['deputies']} deputies" if "deputies" in conditions else ""
     return (
-        f'Requirements "{evidence["name"]}"; {conditions["num_cases"]:,} cases, seed {conditions["seed"]}, '
+        f'Requirements "{evidence["name"]}"; {cases}, seed {conditions["seed"]}, '
         f"{sun}safety {conditions['safety']}{errors and f', with {errors}'}."
     )
 
@@ -116,6 +118,7 @@ def contexts(evidence: Mapping[str, Any]) -> list[tuple[str, str]]:
     if not all(proved_by(requirement) for requirement in requirements):
         domain = "the operational domain: inputs that flights have met"
         none = "the controller has no fuzzy inputs, hence no operational domain"
+        none = "of fleets there is no operational domain" if "deputies" in conditions else none
         links.append(("domain", domain if evidence["domain"] else none))
     for method, words in PROVED_SETS.items():
         proved = [requirement for requirement in requirements if proved_by(requirement) == method]
@@ -282,8 +285,9 @@ def _requirement(
     if worst := requirement.get("worst"):
         is_proved = bool(proved_by(requirement))
         left = [] if is_proved else [_departure(departure) for departure in worst["left_domain"]]
-        replay = Code(typed.replay(str(worst["recording"])))
-        facts = Table([], _worst_facts(worst, has_domain=not is_proved, has_sun=has_sun))
+        replay = Code(typed.replay(*worst.get("recordings", [worst["recording"]])))
+        has_domain = not is_proved and "deputy" not in worst
+        facts = Table([], _worst_facts(worst, has_domain=has_domain, has_sun=has_sun))
         yield Fold("The worst case that is known", [facts, replay, *([Items(left)] if left else [])])
 
 
@@ -298,7 +302,9 @@ def _domain(evidence: Mapping[str, Any]) -> Iterator[Block]:
     if proved:
         yield Paragraph(caption_of("beyond", requirements=", ".join(proved)))
     if domain is None:
-        yield Paragraph("The controller has no fuzzy systems: there are no inputs to make a domain of.")
+        none = "The controller has no fuzzy systems: there are no inputs to make a domain of."
+        of_fleets = "Of fleets none is made: what a deputy senses depends on what the others tell it."
+        yield Paragraph(of_fleets if "deputies" in evidence["conditions"] else none)
         return
     confidence, high = _percent(domain["confidence"]), _percent(domain["high"])
     yield Paragraph(caption_of("domain", domain=domain, confidence=confidence, high=high))
@@ -378,6 +384,7 @@ def _worst_facts(worst: Mapping[str, Any], *, has_domain: bool, has_sun: bool) -
         ["found by", worst["found_by"]],
         ["margin", _quantity(worst["margin"], worst["unit"])],
         ["margin of the recording, read back", _quantity(worst["recorded_margin"], worst["unit"])],
+        *([["deputy with this margin", f"{worst['deputy']}"]] if "deputy" in worst else []),
         ["start, Hill axes", f"({start}) m"],
         *([["velocity there", f"({velocity}) m/s"]] if any(worst.get("velocity_m_s", ())) else []),
         *([["Sun at the start", sun]] if has_sun else []),

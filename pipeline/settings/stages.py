@@ -12,7 +12,7 @@ STAGES = (
     *("optimum", "compare", "prove", "assure", "report"),
 )
 #: the stages that know of fleets; all others, also new ones, refuse them
-OF_FLEETS = ("scenario", "train", "evaluate", "record", "compare", "report")
+OF_FLEETS = ("scenario", "train", "evaluate", "record", "compare", "report", "assure")
 
 
 def check_stage_names(stages: Iterable[str]) -> None:

@@ -21,17 +21,23 @@ from pipeline.evaluation.assurance.campaign import (
     Campaign,
     FormulaResult,
     WorstCaseSearch,
-    evaluate_formulas,
+    evaluate_each,
     search,
     search_efficiency,
 )
 from pipeline.evaluation.assurance.case_space import case_space
 from pipeline.evaluation.assurance.conditions import box_in_words, conditions_of, start_bounds
 from pipeline.evaluation.assurance.evidence import Domain, domain_of, left_on
-from pipeline.evaluation.assurance.formula import OF_COASTING, kind_of, predicates, quantities_of
+from pipeline.evaluation.assurance.formula import (
+    COASTING_PAIR,
+    OF_COASTING,
+    kind_of,
+    predicates,
+    quantities_of,
+)
 from pipeline.evaluation.assurance.judgements import cases_needed, failures_allowed, judge
 from pipeline.evaluation.assurance.proofs import TubeProof, certificates, check_questions, safety_proof
-from pipeline.evaluation.assurance.quantities import track_of
+from pipeline.evaluation.assurance.quantities import track_of, tracks_of
 from pipeline.evaluation.assurance.rare import RARE, NotMet
 from pipeline.evaluation.assurance.repeats import repeats_in_words
 from pipeline.evaluation.assurance.requirements import (
@@ -52,8 +58,9 @@ from pipeline.evaluation.assurance.verdicts import Evidence, percent
 from pipeline.evaluation.splitting import POPULATIONS, RareShare, rare_share
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.control.controller import Controller
+from pipeline.flight.fly.fleet_logs import fly_logged_fleet
 from pipeline.flight.goals.flights import fly_logged
-from pipeline.flight.state.log import Scenario
+from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.proof.apart import check_apart, is_installed
 from pipeline.proof.verdict import NotProvable, theorem_of
 from pipeline.recording.recorder import FlightRecorder
@@ -68,7 +75,7 @@ from pipeline.run import artifacts, configuration, maker, tables, writing
 from pipeline.run.engine import TaskPool, open_pool
 from pipeline.run.progress import Progress
 from pipeline.scenarios import DrawnCases
-from pipeline.settings.experiment import Assurance, Experiment
+from pipeline.settings.experiment import Assurance, Experiment, Mission
 from plain_files.file_access import read_bytes
 from plain_files.plain_text import parse_json
 from telemetry.file import reader
@@ -115,7 +122,9 @@ def run(experiment: Experiment, folder: Path) -> str:
     writing.write_json(folder / artifacts.EVIDENCE, gathered)
     requirements_told = gathered["requirements"]
     controller = controller_of_run(experiment, folder)
-    player = player_of_worst(experiment, controller, folder, requirements_told)
+    # pages fly one deputy; recordings of a fleet open together in the page that telemetry writes
+    has_fleet = experiment.mission.has_fleet
+    player = None if has_fleet else player_of_worst(experiment, controller, folder, requirements_told)
     page = render_evidence(gathered, _tube_drawn(experiment, folder, requirements_told), player)
     writing.write_atomically(folder / artifacts.EVIDENCE_PAGE, page)
     writing.write_atomically(folder / artifacts.BOARD_PAGE, _board(experiment, folder, gathered))
@@ -218,7 +227,7 @@ def _gather(
         recorded = None
         if outcome is not None:
             worst = _worst_of(collected, scenarios, outcome)
-            recorded = _record_worst(folder, recorder, domain, requirement, worst)
+            recorded = _record_worst(folder, mission, recorder, domain, requirement, worst)
         all_evidence.append(collected)
         entries.append(evidence.requirement_entry(collected, outcome, recorded))
     _write(folder, artifacts.SEARCHED, evidence.search_columns(mission, all_evidence))
@@ -365,7 +374,8 @@ def _board(experiment: Experiment, folder: Path, gathered: Mapping[str, Any]) ->
     mission, controller = experiment.mission, controller_of_run(experiment, folder)
     num_cases = gathered["conditions"]["num_cases"]
     campaign = Campaign(mission, controller, experiment.assurance.workers)
-    tracks, _ = campaign.tracks(list(_scenarios(experiment, min(MOST_FOLLOWED, num_cases))))
+    deputies = mission.fleet.deputies
+    tracks, _ = campaign.tracks(list(_scenarios(experiment, min(MOST_FOLLOWED // deputies, num_cases))))
     flights = flights_of_board(mission, tracks, num_cases)
     made = datetime.now(UTC).date()
     worst = _worst_drawn(experiment, folder, gathered)
@@ -393,7 +403,8 @@ def _worst_drawn(
 
 def _domain(experiment: Experiment, controller: Controller, folder: Path) -> Domain | None:
     """Return the operational domain of a fuzzy controller, and write it for the monitor."""
-    if not controller.systems:
+    # what deputies of a fleet sense depends on what the others tell, which this does not fly
+    if not controller.systems or experiment.mission.has_fleet:
         (folder / artifacts.DOMAIN).unlink(missing_ok=True)
         return None
     scenarios = _scenarios(experiment, 2 * experiment.assurance.domain_cases)
@@ -413,42 +424,65 @@ def _worst_of(evidence: Evidence, scenarios: Sequence[Scenario], outcome: Formul
 
 
 def _record_worst(
-    folder: Path, recorder: FlightRecorder, domain: Domain | None, requirement: Requirement, worst: Worst
+    folder: Path,
+    mission: Mission,
+    recorder: FlightRecorder,
+    domain: Domain | None,
+    requirement: Requirement,
+    worst: Worst,
 ) -> dict[str, Any]:
     """Fly the worst known case of a requirement again, logged; record it, and evaluate the recording."""
-    mission, controller, (margin, unit, scenario, source) = recorder.mission, recorder.controller, worst
-    name = f"{artifacts.WORST_FLIGHTS}/{requirement.id}-worst.mcap"
-    path = folder / name
-    path.parent.mkdir(parents=True, exist_ok=True)
-    log = fly_logged(mission, controller, scenario)
-    recorder.record(path, scenario, log, f"{requirement.id}-worst")
+    controller, (margin, unit, scenario, source) = recorder.controller, worst
+    names, logs = _recorded(folder, mission, recorder, requirement, scenario)
     assert requirement.formula is not None  # noqa: S101 - flown ones have one
-    recording = reader.read(path, (DEPUTY_CONTROL, DEPUTY_STATE, MISSION))
-    track, facts = track_of(recording, mission)
-    again = evaluate_formulas(track, facts, {requirement.id: requirement.formula}, mission.control_period_s)
-    recorded = float(again[requirement.id].margins[0])
+    recordings = [reader.read(folder / name, (DEPUTY_CONTROL, DEPUTY_STATE, MISSION)) for name in names]
+    tracks, facts = tracks_of(recordings, mission)
+    again = evaluate_each(tracks, facts, {requirement.id: requirement.formula}, mission.control_period_s)
+    margins = again[requirement.id].margins
+    deputy = int(np.argmin(margins))
+    recorded, path, start = float(margins[deputy]), folder / names[deputy], scenario.fleet[deputy]
     # tracks have single precision: the larger the numbers compared, the larger the error of the margin
     largest = max(abs(predicate.constant) for predicate in predicates(requirement.formula)) + abs(margin)
-    coasts = any(kind_of(name) in OF_COASTING for name in quantities_of(requirement.formula))
+    looking_ahead = *OF_COASTING, COASTING_PAIR
+    coasts = any(kind_of(name) in looking_ahead for name in quantities_of(requirement.formula))
     if not abs(recorded - margin) <= (MOST_COASTED_OFF_M if coasts else max(1e-5, 1e-6 * largest)):
         raise artifacts.ArtifactError(
             f"{path} has a margin of {recorded:g}, but {source} was found with {margin:g}; the flight is "
             "not the one that was found: report this"
         )
-    left = left_on(domain, log, controller, mission.control_period_s) if domain else ()
+    left = left_on(domain, logs[deputy], controller, mission.control_period_s) if domain else ()
+    of_fleet = {"deputy": deputy + 1, "recordings": names} if mission.has_fleet else {}
     return {
         "found_by": source,
-        "position_m": scenario.position_m.tolist(),
-        "velocity_m_s": scenario.velocity_m_s.tolist(),
+        **of_fleet,
+        "position_m": start.position_m.tolist(),
+        "velocity_m_s": start.velocity_m_s.tolist(),
         "sun_angle_rad": float(scenario.sun_angle_rad),
         "sun_elevation_rad": float(scenario.sun_elevation_rad),
         "settings": dict(drawn(mission, scenario)),
         "margin": margin,
         "unit": unit or requirement.unit,
         "recorded_margin": recorded,
-        "recording": name,
+        "recording": names[deputy],
         "left_domain": [asdict(departure) for departure in left],
     }
+
+
+def _recorded(
+    folder: Path, mission: Mission, recorder: FlightRecorder, requirement: Requirement, scenario: Scenario
+) -> tuple[list[str], list[FlightLog]]:
+    """Fly a requirement's worst case and record it, of a fleet each deputy; return the files and logs."""
+    controller, name = recorder.controller, f"{requirement.id}-worst"
+    (folder / artifacts.WORST_FLIGHTS).mkdir(parents=True, exist_ok=True)
+    if not mission.has_fleet:
+        log, file = fly_logged(mission, controller, scenario), f"{artifacts.WORST_FLIGHTS}/{name}.mcap"
+        recorder.record(folder / file, scenario, log, name)
+        return [file], [log]
+    fleet = fly_logged_fleet(mission, controller, scenario)
+    files = [f"{artifacts.WORST_FLIGHTS}/{name}-deputy-{each.deputy}.mcap" for each in fleet]
+    for file, each, start in zip(files, fleet, scenario.fleet, strict=True):
+        recorder.record(folder / file, start, each.flight, name, each)
+    return files, [each.flight for each in fleet]
 
 
 def _write(folder: Path, name: str, table: Mapping[str, Any]) -> None:

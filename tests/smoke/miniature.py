@@ -31,6 +31,6 @@ def words(experiment: str) -> list[str]:
     small = [*MINIATURE, *FEW.get(experiment, ())]
     if compose_experiment([f"+experiment={experiment}"]).experiment.optimizer.validation_cases:
         small.append(FEWER_STARTS)
-    if experiment == "assure":  # which has flights of its own, judged after an hour
+    if experiment.startswith("assure"):  # which has flights of its own, judged after an hour
         small = [word for word in small if word not in ("monte_carlo.num_cases=3", "duration_s=600.0")]
     return [f"+experiment={experiment}", *small]

@@ -21,7 +21,7 @@ from pipeline.evaluation.assurance.formula import Formula, quantities_of, render
 from pipeline.evaluation.assurance.quantities import UNITS, TrackFacts, of_tracks
 from pipeline.evaluation.assurance.requirements import Requirement, RequirementError, check_formulas
 from pipeline.evaluation.assurance.robustness import Samples, deciding_units, holds, premises, robustness
-from pipeline.evaluation.monte_carlo import fly_tracked
+from pipeline.evaluation.monte_carlo import fly_tracked, fly_tracked_fleets
 from pipeline.evaluation.sequential import Stop
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.state.log import Scenario
@@ -155,10 +155,11 @@ class Campaign:
         return self._mission.control_period_s
 
     def tracks(self, scenarios: list[Scenario]) -> tuple[NDArray[np.float32], TrackFacts]:
-        """Return the tracks of flights, (n, K+1, 15), and what they do not hold."""
+        """Return the tracks of flights, (n, K+1, 15), or of fleets, (n, D, K+1, 15), and the rest."""
         # a few fly side by side in one thread: shared out, they would leave vectors half empty
         workers = 1 if len(scenarios) < FEW else self._workers
-        outcomes, tracks = fly_tracked(self._mission, self._controller, scenarios, workers)
+        fly = fly_tracked_fleets if self._mission.has_fleet else fly_tracked
+        outcomes, tracks = fly(self._mission, self._controller, scenarios, workers)
         return tracks, TrackFacts(self._num_points, outcomes.inspectable_count, self._mission)
 
 
@@ -173,17 +174,46 @@ def judge_part(
 def evaluate_formulas(
     tracks: NDArray[np.floating], facts: TrackFacts, formulas: Mapping[str, Formula], period_s: float
 ) -> dict[str, FormulaResult]:
-    """Return the results of formulas, by name, on flights with these tracks, (n, K+1, 15)."""
+    """Return the results of formulas, by name, on flights with these tracks, (n, K+1, 15).
+
+    A fleet, of tracks (n, D, K+1, 15), meets a formula if each of its deputies does; its margin is the least.
+    """
+    results = evaluate_each(tracks, facts, formulas, period_s)
+    if tracks.ndim == 4:
+        return {name: _of_all(result, tracks.shape[1]) for name, result in results.items()}
+    return results
+
+
+def evaluate_each(
+    tracks: NDArray[np.floating], facts: TrackFacts, formulas: Mapping[str, Formula], period_s: float
+) -> dict[str, FormulaResult]:
+    """Return the results of formulas, by name, of fleets those of one deputy after the other, (n D,)."""
     names = dict.fromkeys(name for formula in formulas.values() for name in quantities_of(formula))
     quantities = of_tracks(tracks, facts, names)
     results = {name: _evaluate(formula, quantities, period_s) for name, formula in formulas.items()}
+    duration_s = (tracks.shape[-2] - 1) * period_s
     for name, result in results.items():
         if not np.all(np.isfinite(result.margins)):
             raise RequirementError(
-                f"{name}: its formula says nothing about a flight of {(tracks.shape[1] - 1) * period_s:g} s; "
+                f"{name}: its formula says nothing about a flight of {duration_s:g} s; "
                 "let its windows begin before the end of the flight and hold a sample"
             )
     return results
+
+
+def _of_all(result: FormulaResult, deputies: int) -> FormulaResult:
+    """Return the result of fleets from those of their deputies, one after the other."""
+    margins = result.margins.reshape(-1, deputies)
+    worst = np.arange(len(margins)), margins.argmin(axis=1)
+    return FormulaResult(
+        margins[worst],
+        np.asarray(result.is_met.reshape(-1, deputies).all(axis=1)),
+        result.units.reshape(-1, deputies)[worst] if len(result.units) else result.units,
+        {
+            text: np.asarray(occurs.reshape(-1, deputies).any(axis=1))
+            for text, occurs in result.premises.items()
+        },
+    )
 
 
 def _evaluate(formula: Formula, quantities: Samples, period_s: float) -> FormulaResult:

@@ -29,12 +29,13 @@ def conditions_of(experiment: Experiment, config: Mapping[str, Any]) -> dict[str
         Its configuration as plain data, of which the settings that differ from the defaults are kept.
     """
     mission, cases = experiment.mission, experiment.monte_carlo
-    near, far, speed = start_bounds(cases)
+    (near, far, speed), deputies = start_bounds(cases), mission.fleet.deputies
     return {
         "num_cases": experiment.assurance.num_cases,
         **({} if (width := experiment.assurance.stop_width) is None else {"stop_width": width}),
         "seed": experiment.seed,
-        "starts": starts_in_words(cases),
+        **({"deputies": deputies} if mission.has_fleet else {}),
+        "starts": starts_in_words(cases) + (f", of each of {deputies} deputies" if mission.has_fleet else ""),
         "start_distance_m": [near, far],
         "start_speed_m_s": speed,
         # where nothing is to be inspected, the Sun changes no flight

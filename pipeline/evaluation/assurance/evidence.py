@@ -14,6 +14,7 @@ from pipeline.array_types import Floats
 from pipeline.evaluation.assurance import judgements, sentences, verdicts
 from pipeline.evaluation.assurance.campaign import FormulaResult, WorstCaseSearch, search_efficiency
 from pipeline.evaluation.assurance.requirements import Requirement
+from pipeline.evaluation.paired_runs import of_deputy
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.simulation import fly_logged
@@ -321,8 +322,17 @@ def _starts(mission: Mission, scenarios: Sequence[Scenario]) -> Columns:
 def _block_of_starts(mission: Mission, scenarios: Sequence[Scenario]) -> Columns:
     settings = [dict(drawn(mission, scenario)) for scenario in scenarios] if mission.dispersions else []
     return {
-        **columns_of(scenarios),
+        **(_starts_of_fleets(scenarios) if mission.has_fleet else columns_of(scenarios)),
         "sun_angle_rad": np.array([scenario.sun_angle_rad for scenario in scenarios]),
         "sun_elevation_rad": np.array([scenario.sun_elevation_rad for scenario in scenarios]),
         **{key: np.array([of[key] for of in settings]) for key in (settings[0] if settings else ())},
+    }
+
+
+def _starts_of_fleets(scenarios: Sequence[Scenario]) -> Columns:
+    """Return the starts of all deputies, those of further ones named after them."""
+    return {
+        of_deputy(name, number + 1): column
+        for number, starts in enumerate(zip(*(scenario.fleet for scenario in scenarios), strict=True))
+        for name, column in columns_of(starts).items()
     }

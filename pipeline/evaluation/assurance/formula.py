@@ -127,6 +127,8 @@ RATE: Final = "per_s"
 #: quantities that may be of a time ahead, in brackets: how near free motion comes, and how far it goes
 COASTING, COASTING_FARTHEST = "coasting_distance", "coasting_farthest"
 OF_COASTING: Final = (COASTING, COASTING_FARTHEST)
+#: of fleets: how near two deputies are to each other, and how near free motion would lead any two
+NEAREST_PAIR, COASTING_PAIR = "nearest_pair", "coasting_pair"
 #: a day's free motion; beyond it the linear equations say nothing
 MOST_COASTED_S: Final = DAY_S
 
@@ -301,7 +303,7 @@ class _RequirementParser:
             self.refuse(f"there is no quantity {name}{cure}")
         self._advance()
         unit = self._units[name]
-        if name in OF_COASTING and self._accept("["):
+        if name in (*OF_COASTING, COASTING_PAIR) and self._accept("["):
             position, seconds = self._position, self._seconds()
             if not 0.0 < seconds <= MOST_COASTED_S:
                 self.refuse(f"it looks ahead by more than 0 s and up to {MOST_COASTED_S:g} s", position)

@@ -15,11 +15,14 @@ from fis_tools.model import FuzzySystem
 from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.conditions import shell_in_words
 from pipeline.evaluation.assurance.formula import (
+    NEAREST_PAIR,
     OF_COASTING,
     Always,
     Conjunction,
+    Disjunction,
     Eventually,
     Formula,
+    Negation,
     Predicate,
     Until,
     Window,
@@ -170,6 +173,9 @@ class SafetyProof:
     axis_speed_m_s, delta_v_m_s : float, optional
         The greatest speed along each axis at samples, and the greatest delta-v of a flight, where the proof
         is about them.
+    keep_apart_m, start_apart_m : float
+        How far the layer keeps deputies of a fleet apart at samples, and how far apart they must start for
+        it; 0 without.
     """
 
     is_on: bool
@@ -186,6 +192,8 @@ class SafetyProof:
     stays: bool = False
     axis_speed_m_s: float | None = None
     delta_v_m_s: float | None = None
+    keep_apart_m: float = 0.0
+    start_apart_m: float = 0.0
 
     def proves(self, formula: Formula) -> bool:
         """Return whether the layer's proof implies a formula, for all flights at their samples."""
@@ -194,6 +202,8 @@ class SafetyProof:
 
     def implies(self, formula: Formula) -> bool:
         """Return whether a formula follows from what the layer keeps, if its premises hold."""
+        if self.keep_apart_m > 0.0 and _keeps_apart(formula, self.start_apart_m, self.keep_apart_m):
+            return True
         kept = {"distance": (self.keep_out_m, self.keep_in_m)}
         if (fastest := self.axis_speed_m_s) is not None:
             kept |= dict.fromkeys(ALONG_AXES, (-fastest, fastest))
@@ -211,6 +221,10 @@ class SafetyProof:
             words += ", and ends on an ellipse between them"
         if self.delta_v_m_s is not None:
             words += f" for {self.delta_v_m_s:g} m/s at most"
+        if self.keep_apart_m > 0.0:
+            words += (
+                f", and deputies {self.keep_apart_m:g} m apart that start {self.start_apart_m:.4g} m apart"
+            )
         return words
 
 
@@ -236,6 +250,20 @@ def _follows_at_end(formula: Formula, distances_m: tuple[float, float]) -> bool:
             return _follows_at_end(left, distances_m) and _follows_at_end(right, distances_m)
         case Predicate(((name, factor),), constant) if kind_of(name) in ("distance", *OF_COASTING):
             return _is_positive(factor, constant, distances_m)
+    return False
+
+
+def _keeps_apart(formula: Formula, start_m: float, kept_m: float) -> bool:
+    """Return whether deputies that start so far apart, and stay so far apart, meet a formula.
+
+    False if unclear. Whatever is drawn, two deputies may start nearer, so the start is its premise.
+    """
+    match formula:
+        case Disjunction(
+            Negation(Predicate(((start, of_start),), least)),
+            Always(_, Predicate(((name, factor),), constant)),
+        ) if start == name == NEAREST_PAIR and of_start > 0.0 and factor > 0.0:
+            return of_start * start_m + least <= 0.0 and factor * kept_m + constant >= 0.0
     return False
 
 
@@ -308,8 +336,7 @@ def are_safe(guard: Guard, near_m: float, far_m: float, speed_m_s: float) -> boo
 
     Norms bound the force that a stop needs and where it leads, so a set may be safe although this says no.
     """
-    stop = guard.checks.transition[1, :3]  # the position after the stop
-    strayed = norm(stop[:, :3] - np.eye(3)) * far_m + norm(stop[:, 3:]) * speed_m_s
+    strayed = strayed_m(guard, far_m, speed_m_s)
     gain, speeds = guard.stop[:NUM_BRAKING], guard.stop[NUM_BRAKING:, 3:]
     force = norm(gain[:, :3]) * far_m + norm(gain[:, 3:]) * speed_m_s
     is_between = guard.keep_out <= near_m - strayed and far_m + strayed <= guard.keep_in
@@ -327,6 +354,12 @@ def kept_along_axes(world: World) -> float | None:
     return float(admitted / guard.stop[NUM_BRAKING, 3])
 
 
+def strayed_m(guard: Guard, far_m: float, speed_m_s: float) -> float:
+    """Return how far from a state its stop is at most, m, for states so far away and up to a speed."""
+    stop = guard.checks.transition[1, :3]  # the position after the stop
+    return norm(stop[:, :3] - np.eye(3)) * far_m + norm(stop[:, 3:]) * speed_m_s
+
+
 def safety_proof(
     mission: Mission, scenarios: Sequence[Scenario], shell: tuple[float, float, float]
 ) -> SafetyProof:
@@ -336,7 +369,7 @@ def safety_proof(
     ----------
     mission : Mission
     scenarios : sequence of Scenario
-        The starts of some flights.
+        The starts of some flights; of fleets, those of all deputies count.
     shell : (float, float, float)
         Bounds of all starts: the least and the greatest distance, m, and the greatest speed, m/s.
     """
@@ -353,9 +386,14 @@ def safety_proof(
         spheres = out - bounds.keep_out_m - spare, far + bounds.keep_in_m + spare
     axis_speed = None
     num_safe, is_whole, exception, stays = 0, False, "", is_on and mission.safety.keep_way_out
+    kept, start_apart, (near, far, speed) = 0.0, 0.0, shell
+    if mission.has_fleet:
+        scenarios = [start for scenario in scenarios for start in scenario.fleet]
     if is_on:
-        world = pack_world(mission)
+        world = pack_world(mission.of_each)
         flying = ((Three(*scenario.position_m), Three(*scenario.velocity_m_s)) for scenario in scenarios)
+        if (kept := mission.fleet.keep_apart_m) > 0.0:
+            start_apart = kept + 2.0 * strayed_m(world.guard, far, speed)
         if stays:
             outside = start_without_way_out(world, shell)
             is_whole = outside is None
@@ -365,7 +403,6 @@ def safety_proof(
             is_whole = are_safe(world.guard, *shell)
             axis_speed = kept_along_axes(world) if is_exact(mission) else None
             num_safe = sum(most_exceeded(world, 0, scenario, STANDING)[2] <= 0.0 for scenario in flying)
-    near, far, speed = shell
     counts, starts = (len(scenarios), num_safe), shell_in_words(near, far, speed)
     return SafetyProof(
         *(is_on, *spheres, *counts, starts, is_whole, failing, assumed, probability),
@@ -373,6 +410,8 @@ def safety_proof(
         stays=stays,
         axis_speed_m_s=axis_speed,
         delta_v_m_s=mission.safety.delta_v_limit_m_s or None if stays else None,
+        keep_apart_m=kept,
+        start_apart_m=start_apart,
     )
 
 

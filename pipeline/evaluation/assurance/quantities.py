@@ -3,18 +3,28 @@
 A track holds, sample by sample, position (m) and velocity (m/s) in Hill axes, the delta-v spent (m/s), the
 number of points not yet inspected, and so on, see `pipeline.flight.fly.population.fly_population`. A force
 belongs to the sample from which it is fired, for the control period that follows; at the last one it is zero.
+
+Of a fleet each deputy has a track, and each has the quantities: its own, or those of all deputies together.
 """
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats, Integers
-from pipeline.evaluation.assurance.formula import COASTING, COASTING_FARTHEST, kind_of, seconds_of
+from pipeline.evaluation.assurance.formula import (
+    COASTING,
+    COASTING_FARTHEST,
+    COASTING_PAIR,
+    NEAREST_PAIR,
+    kind_of,
+    seconds_of,
+)
 from pipeline.flight.state import arrays
 from pipeline.flight.state.log import inspectable_rate
 from pipeline.flight.world.coasting import FreeMotion
@@ -56,12 +66,15 @@ class Quantity:
         Its topic in recordings, or that of its inputs.
     description : str
     of_tracks : callable
+    is_of_fleets : bool
+        Whether it is of several deputies together: it takes the tracks of fleets, (n, D, K+1, 15).
     """
 
     unit: str
     topic: str
     description: str
     of_tracks: OfTracks
+    is_of_fleets: bool = False
 
 
 def _column(index: int) -> OfTracks:
@@ -92,6 +105,30 @@ def _coasting(name: str, seconds: float | None = None) -> OfTracks:
     def distance(tracks: Floats, facts: TrackFacts) -> Floats:
         duration = 2.0 * np.pi / facts.mean_motion if seconds is None else seconds
         return FreeMotion(facts.mission, duration).distances(tracks[..., :6], duration)[end]
+
+    return distance
+
+
+def _pairs(tracks: Floats) -> Iterator[Floats]:
+    """Yield the states of deputies relative to others, of each pair, (n, K+1, 6)."""
+    for deputy, other in combinations(range(tracks.shape[1]), 2):
+        yield tracks[:, deputy, :, :6] - tracks[:, other, :, :6]
+
+
+def _nearest_pair(tracks: Floats, facts: TrackFacts) -> Floats:
+    """Return the least distance between two deputies at each sample, m."""
+    distances = [np.linalg.norm(relative[..., :3], axis=-1) for relative in _pairs(tracks)]
+    return np.asarray(np.min(distances, axis=0))
+
+
+def _coasting_pair(seconds: float | None = None) -> OfTracks:
+    """Return how near two deputies come by free motion over some seconds, an orbit unless given."""
+
+    def distance(tracks: Floats, facts: TrackFacts) -> Floats:
+        duration = 2.0 * np.pi / facts.mean_motion if seconds is None else seconds
+        motion = FreeMotion(facts.mission.of_each, duration)
+        nearest = [motion.distances(each, duration, is_relative=True)[0] for each in _pairs(tracks)]
+        return np.asarray(np.min(nearest, axis=0))
 
     return distance
 
@@ -155,6 +192,28 @@ SHIPPED: Mapping[str, Quantity] = {
         "from the camera's boresight to the chief's centre",
         lambda tracks, facts: _degrees_between(tracks[..., _BORESIGHT], -tracks[..., :3]),
     ),
+    NEAREST_PAIR: Quantity(
+        "m",
+        f"{DEPUTY_STATE}.position_m",
+        "of fleets: the least distance between two deputies",
+        _nearest_pair,
+        is_of_fleets=True,
+    ),
+    COASTING_PAIR: Quantity(
+        "m",
+        f"{DEPUTY_STATE}.position_m",
+        "of fleets: the least distance between two if none fires anything more, in the next orbit or so many "
+        "seconds",
+        _coasting_pair(),
+        is_of_fleets=True,
+    ),
+    "fleet_delta_v": Quantity(
+        "m/s",
+        f"{MISSION}.delta_v_m_s",
+        "of fleets: spent so far by all deputies",
+        lambda tracks, facts: tracks[..., arrays.TRACK_SPENT].sum(axis=1),
+        is_of_fleets=True,
+    ),
 }
 
 #: words for the flights with the least and with the greatest value, for which the braces stand
@@ -162,8 +221,11 @@ EXTREMES: Mapping[str, tuple[str, str]] = {
     "distance": ("the nearest {} from its centre", "the farthest {} from its centre"),
     COASTING: ("the nearest by coasting {} from its centre", "the farthest by coasting {} from its centre"),
     COASTING_FARTHEST: ("the nearest by coasting at most {} away", "the farthest by coasting {} away"),
+    NEAREST_PAIR: ("two deputies nearest to each other at {}", "deputies farthest apart at {}"),
+    COASTING_PAIR: ("two nearest to each other by coasting at {}", "farthest apart by coasting at {}"),
     "speed": ("the slowest at {}", "the fastest at {}"),
     "delta_v": ("the cheapest at {}", "the most expensive at {}"),
+    "fleet_delta_v": ("the cheapest at {}", "the most expensive at {}"),
     "inspection_rate": ("the least at {}", "the most at {}"),
     "inspectable_rate": ("the least at {}", "the most at {}"),
 }
@@ -222,15 +284,36 @@ def units_for(text: str) -> dict[str, str]:
 
 
 def of_tracks(tracks: NDArray[Any], facts: TrackFacts, names: Iterable[str]) -> dict[str, Floats]:
-    """Return quantities of flights, each (n, K+1), from their tracks, (n, K+1, 15)."""
+    """Return quantities of flights, each (n, K+1), from their tracks, (n, K+1, 15).
+
+    From those of fleets, (n, D, K+1, 15), they are (n D, K+1): of one deputy after the other.
+    """
     exact = np.asarray(tracks, dtype=np.float64)
-    return {name: _of_name(name)(exact, facts) for name in names}
+    if exact.ndim == 3:
+        return {name: _of_name(name)(exact, facts) for name in names}
+    deputies, each = exact.shape[1], exact.reshape(-1, *exact.shape[2:])
+    of_each = facts._replace(
+        inspectable=np.repeat(facts.inspectable, deputies), mission=facts.mission.of_each
+    )
+    return {
+        name: np.repeat(_of_name(name)(exact, facts), deputies, axis=0)
+        if is_of_fleets(name)
+        else _of_name(name)(each, of_each)
+        for name in names
+    }
+
+
+def is_of_fleets(name: str) -> bool:
+    """Return whether a quantity is of several deputies together."""
+    return QUANTITIES[kind_of(name)].is_of_fleets
 
 
 def _of_name(name: str) -> OfTracks:
     """Return the function that computes a quantity, which may have seconds in brackets."""
-    seconds = seconds_of(name)
-    return QUANTITIES[name].of_tracks if seconds is None else _coasting(kind_of(name), seconds)
+    seconds, kind = seconds_of(name), kind_of(name)
+    if seconds is None:
+        return QUANTITIES[name].of_tracks
+    return _coasting_pair(seconds) if kind == COASTING_PAIR else _coasting(kind, seconds)
 
 
 def track_of(recording: Recording, mission: Mission) -> tuple[Floats, TrackFacts]:
@@ -248,3 +331,18 @@ def track_of(recording: Recording, mission: Mission) -> tuple[Floats, TrackFacts
     return np.column_stack(columns)[np.newaxis].astype(np.float64), TrackFacts(
         num_points, inspectable, mission
     )
+
+
+def tracks_of(recordings: Sequence[Recording], mission: Mission) -> tuple[Floats, TrackFacts]:
+    """Return the track of a recorded flight as `track_of` does; of a fleet those of its deputies, (1, D, …).
+
+    Points that are left are those that none of a fleet's deputies has seen.
+    """
+    read = [track_of(recording, mission) for recording in recordings]
+    track, facts = read[0]
+    if not mission.has_fleet:
+        return track, facts
+    tracks = np.stack([track for track, _ in read], axis=1)
+    masks = [np.asarray(recording[MISSION]["inspected_mask"], dtype=np.bool_) for recording in recordings]
+    tracks[..., arrays.TRACK_LEFT] = facts.number - np.any(masks, axis=0).sum(axis=1)
+    return tracks, facts

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 from pipeline.evaluation.assurance.formula import Formula, FormulaError, parse, quantities_of, unit_of
-from pipeline.evaluation.assurance.quantities import units_for
+from pipeline.evaluation.assurance.quantities import is_of_fleets, units_for
 from pipeline.evaluation.assurance.robustness import idle_window, late_window
 from pipeline.run import configuration
 from pipeline.settings.experiment import Mission
@@ -20,6 +20,8 @@ SCHEMA: Final = ("requirements", 2)
 CASES, SPLITTING, SEARCH, BOUNDS = "cases", "splitting", "search", "bounds"
 SAFETY_LAYER, TUBE = "safety_layer", "tube"
 METHODS: Final = (CASES, SPLITTING, SEARCH, BOUNDS, SAFETY_LAYER, TUBE)
+#: those that vary, or enclose, the start of a single deputy
+OF_ONE_DEPUTY: Final = (SPLITTING, SEARCH, TUBE)
 #: how bad a failure is, the worst first
 SEVERITIES: Final = ("catastrophic", "critical", "marginal")
 TEXTS: Final = ("title", "text", "consequence", "severity", "reason", "source")
@@ -276,6 +278,7 @@ def check_formulas(requirements: Sequence[Requirement], mission: Mission) -> Non
     """
     if mission.chief.keep_out_m:
         raise RequirementError("chief.keep_out_m is given, which no requirement knows of; leave it out")
+    check_deputies(requirements, mission)
     duration_s, period_s = mission.duration_s, mission.control_period_s
     for requirement in requirements:
         named = quantities_of(requirement.formula) if requirement.formula else ()
@@ -299,6 +302,30 @@ def check_formulas(requirements: Sequence[Requirement], mission: Mission) -> Non
                 f"{requirement.id}: its window from {late.first_s:g} to {late.last_s:g} s can end after "
                 f"{flight}, and nothing is known beyond; end it, and each window around it, by the end of "
                 "the flight, or leave the window out for the rest of the flight"
+            )
+
+
+def check_deputies(requirements: Sequence[Requirement], mission: Mission) -> None:
+    """Refuse formulas of several deputies about one, and methods that know of one about a fleet.
+
+    Raises
+    ------
+    RequirementError
+    """
+    for requirement in requirements:
+        named = quantities_of(requirement.formula) if requirement.formula else ()
+        of_fleets = [name for name in named if is_of_fleets(name)]
+        unaware = [name for name in requirement.verified_by if name in OF_ONE_DEPUTY]
+        if of_fleets and not mission.has_fleet:
+            raise RequirementError(
+                f"{requirement.id}: {of_fleets[0]} is of several deputies, and fleet.deputies is "
+                f"{mission.fleet.deputies}; raise it, or leave the requirement out"
+            )
+        if unaware and mission.has_fleet:
+            raise RequirementError(
+                f"{requirement.id}: fleet.deputies is {mission.fleet.deputies}, and verified_by has "
+                f"{unaware[0]}, which varies the start of one deputy; leave it out, or choose requirements "
+                "for fleets, such as assurance.requirements=inspection_fleet"
             )
 
 

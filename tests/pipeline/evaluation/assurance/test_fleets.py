@@ -1,0 +1,161 @@
+"""Requirements on fleets: quantities by SciPy's matrix exponential, each deputy judged, pairs proved."""
+
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from pipeline.command_line.config import compose_experiment
+from pipeline.controllers.source import load
+from pipeline.evaluation.assurance.campaign import Campaign, evaluate_each, evaluate_formulas
+from pipeline.evaluation.assurance.conditions import start_bounds
+from pipeline.evaluation.assurance.formula import parse
+from pipeline.evaluation.assurance.proofs import safety_proof
+from pipeline.evaluation.assurance.quantities import UNITS, of_tracks
+from pipeline.evaluation.assurance.requirements import (
+    OF_ONE_DEPUTY,
+    RequirementError,
+    check_formulas,
+    load_requirements,
+)
+from pipeline.evaluation.monte_carlo import fly_tracked
+from pipeline.flight.fly.fleet_logs import fly_logged_fleet
+from pipeline.scenarios import DrawnCases
+from pipeline.settings.experiment import Mission
+
+NUM_CASES = 12
+APART = "nearest_pair >= 11 m -> always (nearest_pair >= 10 m)"
+
+
+def composed(*words: str):
+    """The experiment of a fleet's evidence, its controller and first cases."""
+    experiment = compose_experiment(
+        ["+experiment=assure_fleet", "controller=champion_27", "sun=random", *words]
+    ).experiment
+    controller = load(experiment.controller, experiment.mission)
+    return experiment, controller, list(DrawnCases(experiment, range(NUM_CASES)))
+
+
+@pytest.fixture(scope="module")
+def flown():
+    """Of fleets of three: experiment, cases, tracks and what these do not hold."""
+    experiment, controller, scenarios = composed("fleet.deputies=3")
+    tracks, facts = Campaign(experiment.mission, controller, 1).tracks(scenarios)
+    return experiment, scenarios, tracks, facts
+
+
+def margins(formula, tracks, facts):
+    return evaluate_formulas(tracks, facts, {"R": parse(formula, UNITS)}, 10.0)["R"].margins
+
+
+def test_pairs_are_as_near_as_their_tracks(flown):
+    *_, tracks, facts = flown
+    positions = tracks[..., :3].astype(np.float64)
+    away = [np.linalg.norm(positions[:, i] - positions[:, j], axis=2) for i, j in combinations(range(3), 2)]
+    quantities = of_tracks(tracks, facts, ["nearest_pair", "fleet_delta_v", "distance"])
+    assert {values.shape for values in quantities.values()} == {(3 * NUM_CASES, tracks.shape[2])}
+    np.testing.assert_allclose(quantities["nearest_pair"][::3], np.min(away, axis=0), rtol=1e-12)
+    spent = tracks[..., 6].astype(np.float64).sum(axis=1)
+    np.testing.assert_allclose(quantities["fleet_delta_v"][2::3], spent, rtol=1e-12)
+    np.testing.assert_allclose(
+        quantities["distance"].reshape(NUM_CASES, 3, -1), np.linalg.norm(positions, axis=3), rtol=1e-12
+    )
+
+
+def test_pairs_coast_as_linear_motion_leads_them(flown):
+    """Each second of an orbit, by SciPy's matrix exponential; between looks they are little nearer."""
+    experiment, _, tracks, facts = flown
+    n = experiment.mission.orbit.mean_motion_rad_s
+    rates = np.zeros((6, 6))
+    rates[:3, 3:] = np.eye(3)
+    rates[3, 0], rates[3, 4], rates[4, 3], rates[5, 2] = 3.0 * n**2, 2.0 * n, -2.0 * n, -(n**2)
+    orbit, second = 2.0 * np.pi / n, expm(rates)
+    for name, duration in (("coasting_pair", orbit), ("coasting_pair[600]", 600.0)):
+        quantity = of_tracks(tracks[:2], facts._replace(inspectable=facts.inspectable[:2]), [name])[name]
+        for case, k in ((0, 0), (0, 200), (1, 77), (1, 360)):
+            states, least = tracks[case, :, k, :6].astype(np.float64), np.inf
+            for _ in range(int(duration) + 1):
+                for i, j in combinations(range(3), 2):
+                    least = min(least, float(np.linalg.norm(states[i, :3] - states[j, :3])))
+                states = states @ second.T
+            assert quantity[3 * case, k] == pytest.approx(least, abs=0.05)
+
+
+def test_points_count_for_whoever_saw_them():
+    """Also where nobody tells anybody: then no deputy alone knows of all."""
+    experiment, controller, scenarios = composed("fleet.sharing=nothing")
+    tracks, facts = Campaign(experiment.mission, controller, 1).tracks(scenarios[:4])
+    outcomes, alone = fly_tracked(experiment.mission, controller, scenarios[:4], 1)
+    inspected = of_tracks(tracks, facts, ["inspected"])["inspected"]
+    np.testing.assert_array_equal(inspected[::2, -1], outcomes.inspected_count)
+    assert np.any(99 - alone[:, :, -1, 7] < outcomes.inspected_count[:, np.newaxis])
+    logs = fly_logged_fleet(experiment.mission, controller, scenarios[0])
+    seen = np.any([log.flight.is_inspected for log in logs], axis=0).sum(axis=1)
+    np.testing.assert_array_equal(inspected[0], seen)
+
+
+def test_a_fleet_meets_what_each_deputy_meets(flown):
+    *_, tracks, facts = flown
+    distances = np.linalg.norm(tracks[..., :3].astype(np.float64), axis=3)
+    np.testing.assert_allclose(
+        margins("always distance >= 40 m", tracks, facts), distances.min(axis=(1, 2)) - 40.0, rtol=1e-9
+    )
+    formula = parse("always distance >= 40 m", UNITS)
+    result = evaluate_formulas(tracks, facts, {"R": formula}, 10.0)["R"]
+    np.testing.assert_array_equal(result.is_met, np.all(distances >= 40.0, axis=(1, 2)))
+    assert 0 < np.count_nonzero(result.is_met) < NUM_CASES
+    each = evaluate_each(tracks, facts, {"R": formula}, 10.0)["R"]
+    np.testing.assert_allclose(each.margins, distances.min(axis=2).ravel() - 40.0, rtol=1e-9)
+    premise = parse("distance < 40 m -> speed <= 9 m/s", UNITS)
+    result = evaluate_formulas(tracks, facts, {"R": premise}, 10.0)["R"]
+    (occurred,) = result.premises.values()
+    np.testing.assert_array_equal(occurred, np.any(distances[:, :, 0] < 40.0, axis=1))
+
+
+def test_pairs_are_proved_apart_where_they_start_so(flown):
+    experiment, scenarios, tracks, facts = flown
+    mission = experiment.mission
+    proof = safety_proof(mission, scenarios, start_bounds(experiment.monte_carlo))
+    assert (proof.num_starts, proof.num_safe, proof.keep_apart_m) == (36, 36, 10.0)
+    assert 10.0 < proof.start_apart_m < 10.1
+    assert proof.proves(parse(APART, UNITS))
+    assert proof.proves(parse("always distance >= 15 m", UNITS))
+    assert margins(APART, tracks, facts).min() >= 0.0
+    for unproved in (
+        "always nearest_pair >= 10 m",
+        "nearest_pair >= 10 m -> always (nearest_pair >= 10 m)",
+        "nearest_pair >= 11 m -> always (nearest_pair >= 10.1 m)",
+        "nearest_pair >= 11 m -> eventually (nearest_pair >= 10 m)",
+        "distance >= 11 m -> always (nearest_pair >= 10 m)",
+        "nearest_pair <= 11 m -> always (nearest_pair >= 10 m)",
+        "nearest_pair >= 11 m -> always (coasting_pair >= 10 m)",
+        "nearest_pair >= 11 m -> always (nearest_pair <= 10 m)",
+    ):
+        assert not proof.proves(parse(unproved, UNITS))
+    of_none = replace(mission, fleet=replace(mission.fleet, keep_apart_m=0.0))
+    loose = safety_proof(of_none, scenarios, start_bounds(experiment.monte_carlo))
+    assert not loose.proves(parse(APART, UNITS))
+    assert loose.proves(parse("always distance >= 15 m", UNITS))
+
+
+def test_faster_starts_must_be_farther_apart():
+    """A stop lies ahead by half of the way in a control period, for both."""
+    experiment, _, scenarios = composed("monte_carlo.max_speed_m_s=0.2")
+    proof = safety_proof(experiment.mission, scenarios, start_bounds(experiment.monte_carlo))
+    assert proof.start_apart_m == pytest.approx(10.0 + 2.0 * 0.5 * 0.2 * 10.0, abs=0.05)
+    assert not proof.implies(parse(APART, UNITS))
+    assert proof.implies(parse("nearest_pair >= 12.1 m -> always (nearest_pair >= 10 m)", UNITS))
+
+
+def test_requirements_fit_the_number_of_deputies():
+    fleet, single = composed()[0].mission, Mission()
+    with pytest.raises(RequirementError, match=r"R4: fleet_delta_v is of several deputies, and fleet\.dep"):
+        check_formulas(load_requirements("inspection_fleet", single), single)
+    requirements = load_requirements("inspection_fleet", fleet)
+    check_formulas(requirements, fleet)
+    for method in OF_ONE_DEPUTY:
+        unaware = replace(requirements[0], verified_by=("cases", method))
+        with pytest.raises(RequirementError, match=rf"verified_by has {method}, which varies the start of"):
+            check_formulas([unaware], fleet)

@@ -1,0 +1,70 @@
+"""Evidence for fleets in miniature: its files agree with one another, and tell of the deputies."""
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from pipeline.command_line.cli import main
+from pipeline.run import artifacts
+from telemetry.file import reader
+from telemetry.file.topics import DEPUTY_STATE
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def assured(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("assured") / "run"
+    words = ("controller=champion_27", "sun=random", "assurance.num_cases=24", f"hydra.run.dir={folder}")
+    assert main(["+experiment=assure_fleet", *words]) == 0
+    return folder
+
+
+def test_the_worst_fleets_are_recorded_deputy_by_deputy(assured):
+    evidence = artifacts.read_json(assured, artifacts.EVIDENCE)
+    table = pq.read_table(assured / artifacts.ASSURED_CASES).to_pydict()
+    entries = {entry["id"]: entry for entry in evidence["requirements"]}
+    for name, entry in entries.items():
+        worst, margins = entry["worst"], table[f"{name}_margin"]
+        case = int(np.argmin(margins))
+        assert (worst["found_by"], worst["margin"]) == (f"case {case}", pytest.approx(margins[case]))
+        assert worst["recordings"] == [
+            f"assure/flights/{name}-worst-deputy-{deputy}.mcap" for deputy in (1, 2)
+        ]
+        assert worst["recording"] == worst["recordings"][worst["deputy"] - 1]
+        paths = [
+            np.asarray(reader.read(assured / file, (DEPUTY_STATE,))[DEPUTY_STATE]["position_m"], np.float64)
+            for file in worst["recordings"]
+        ]
+        starts = [
+            [table[f"position_{axis}_m{suffix}"][case] for axis in "xyz"] for suffix in ("", "_of_deputy_2")
+        ]
+        np.testing.assert_allclose([path[0] for path in paths], starts, atol=1e-4)
+        np.testing.assert_allclose(worst["position_m"], starts[worst["deputy"] - 1], atol=1e-9)
+        nearest = [np.linalg.norm(path, axis=1).min() for path in paths]
+        if name == "R1":
+            assert worst["margin"] == pytest.approx(min(nearest) - 15.0, abs=1e-3)
+            assert worst["deputy"] == 1 + int(np.argmin(nearest))
+        if name == "R5":
+            assert worst["margin"] == pytest.approx(
+                np.linalg.norm(paths[0] - paths[1], axis=1).min() - 10.0, abs=1e-3
+            )
+
+
+def test_proofs_and_pages_tell_of_deputies(assured):
+    evidence = artifacts.read_json(assured, artifacts.EVIDENCE)
+    proved = {entry["id"] for entry in evidence["requirements"] if entry["share"].startswith("all cases")}
+    assert {"R1", "R2", "R5"} <= proved
+    assert evidence["domain"] is None
+    assert evidence["conditions"]["deputies"] == 2
+    page, board = ((assured / file).read_text() for file in (artifacts.EVIDENCE_PAGE, artifacts.BOARD_PAGE))
+    assert "24 cases of 2 deputies, seed" in page
+    assert "of each of 2 deputies" in board
+    assert "what a deputy senses depends on what the others tell it" in page
+    assert "deputies 10 m apart that start 10" in page
+    assert "Each deputy; bold" in board
+
+
+def test_what_knows_one_deputy_is_refused(capsys):
+    assert main(["+experiment=assure", "controller=champion_27", "fleet.deputies=2"]) == 2
+    assert "R1: fleet.deputies is 2, and verified_by has search, which varies" in capsys.readouterr().err
