@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
+from pipeline.flight.fly.many import note_after
 from pipeline.flight.period import steps
 from pipeline.flight.period.decide.urgency import note_deadlines
 from pipeline.flight.state.arrays import FullOptics, Law, Moment, World
@@ -104,7 +105,8 @@ def write_flight(
     """
     known = _with_arrays_of(known, now.world)
     # neither decisions nor the safety layer read these
-    flown = known._replace(is_attitude_ideal=now.world.is_attitude_ideal, first=0, course=now.world.course)
+    theirs = {name: getattr(now.world, name) for name in ("is_attitude_ideal", "first", "course", "after")}
+    flown = known._replace(**theirs)
     if known.has_clusters or not _is_same(flown, now.world):
         raise NotTranslatableError(
             "a flight ahead would choose among clusters, or decide in another world than the deputy, which "
@@ -119,6 +121,8 @@ def write_flight(
     translator.write("see_ahead", steps.look, looked, OPERATIONS)
     moved = {"now": moving, "work": work, "errors": None, "plans": law.plans}
     translator.write("move_ahead", steps.move_on, moved, OPERATIONS)
+    if len(known.after) > 0:
+        translator.write("note_after", note_after, {"now": now._replace(world=known, k=0)})
     is_own = known.course.is_on != now.world.course.is_on and bool(law.needs & (URGENCY | SETTING))
     if is_own:
         noted = {"now": now._replace(world=known), "optics": optics, "deadlines": work.deadlines}

@@ -11,10 +11,10 @@ from pipeline.array_types import Floats
 from pipeline.flight.control.controller import RuleController
 from pipeline.flight.control.law import ahead_stride
 from pipeline.flight.fly import aboard
-from pipeline.flight.fly.drift import tail_stride
-from pipeline.flight.fly.foresight import Outlook, samples_coarsely
+from pipeline.flight.fly.drift import drift_tables, tail_stride
+from pipeline.flight.fly.foresight import Outlook, Tail, samples_coarsely
 from pipeline.flight.fly.free_drift import num_doubts
-from pipeline.flight.fly.outlooks import Deputies, num_missed, rows_of_spread
+from pipeline.flight.fly.outlooks import TAIL_SPREADS, Deputies, num_missed, rows_of_spread
 from pipeline.flight.fly.prices import Pricing, list_lit
 from pipeline.flight.fly.pushes import (
     NEAR_M_S,
@@ -35,7 +35,7 @@ from pipeline.flight.world.pack import pack_world
 from pipeline.onboard.ahead import DEADLINES, EXCHANGED, write_flight
 from pipeline.onboard.allowed import NotTranslatableError
 from pipeline.onboard.translator import Translator
-from pipeline.onboard.values import Array, Begun, Expression
+from pipeline.onboard.values import Array, Begun, Expression, Strided
 from pipeline.settings.experiment import Mission
 
 #: a function, and its arguments
@@ -212,14 +212,6 @@ def check(mission: Mission, known: Mission, controller: RuleController, num_rows
         With the fact and the cure.
     """
     name, cure = controller.name, "or add --bare: then its plan is an input"
-    looks_beyond = any(
-        controller.constants[constant(name)] > 0.0 for name in ("foresight_after_s", "foresight_passive_s")
-    )
-    if known != mission and (looks_beyond or mission.after_s > 0.0):
-        raise NotTranslatableError(
-            f"{name!r} would plan again by what errors lead to after the flight, which is not exported yet; "
-            f"set navigation=perfect, actuators=ideal and dynamics=cw, {cure}"
-        )
     if mission.has_true_course or known.dynamics.model != "cw":
         raise NotTranslatableError(
             f"{name!r} would plan along the chief's own orbit, whose tables are not exported yet; set "
@@ -242,7 +234,7 @@ def write_planner(
 ) -> PushPlanner:
     """Write the functions of a search as C, and return what their callers must know."""
     search, num_before = _Written(translator, deputies), len(translator.functions)
-    entries = {**search.of_outlooks(now, work, optics), **search.of_plans()}
+    entries = {**search.of_outlooks(now, work, optics), **search.of_constants(), **search.of_plans()}
     if not deputies.is_certain:
         entries |= search.of_later_plans()
     for name, (function, arguments) in entries.items():
@@ -321,6 +313,8 @@ class _Written:
         self._num_pushes, self._num_points = deputies.num_pushes, self._known.is_lit.shape[1]
         self.has_tail = len(self._known.tail.rows) > 0
         self.has_covariance = deputies.mission.navigation.mode == "fixes"
+        is_tabled = self.has_tail and deputies.has_tables
+        self._tables = drift_tables(deputies.mission, deputies.beyond_s) if is_tabled else None
         self._reach = deputies.constant("foresight_reach_m_s") / self._known.delta_v_per_force
         self._state = self._member("state", 6)
         num_samples = len(self._known.free)
@@ -392,10 +386,7 @@ class _Written:
 
     def _outlook(self, required: Any, samples: Any = None) -> Outlook:
         """Return an outlook from where a search begins, or with so many samples as are left of a plan."""
-        tail: Any = self._known.tail
-        if self.has_tail:  # of a circle's motion the constants are the state in which it begins
-            rows, kicks = self._table("rows", tail.rows), self._table("kicks", tail.kicks)
-            tail = tail._replace(rows=rows, kicks=kicks, constants=self._state)
+        tail: Any = self._tail if self.has_tail else self._known.tail
         return self._known._replace(
             free=self._free if samples is None else replace(self._free, count=samples),
             points=self._known.points[:1],
@@ -404,6 +395,42 @@ class _Written:
             required=required,
             tail=tail,
         )
+
+    @property
+    def _tail(self) -> Tail:
+        """What follows a plan; of a circle's motion the constants are the state in which it begins."""
+        tail: Any = self._known.tail
+        if self._tables is None:
+            rows, kicks = self._table("rows", tail.rows), self._table("kicks", tail.kicks)
+            tail = tail._replace(rows=rows, kicks=kicks, constants=self._state)
+        else:
+            rows = self._strided("rows", self._tables.rows, len(tail.rows))
+            offsets = self._strided("offsets", self._tables.offsets, len(tail.rows))
+            kicks, constants = self._from_now("kicks", self._tables.sums), self._member("constants", 6)
+            tail = tail._replace(rows=rows, offsets=offsets, kicks=kicks, constants=constants)
+        return tail._replace(doubts=self._spreads) if self.has_covariance else tail
+
+    @property
+    def _spreads(self) -> Any:
+        return self._member("spreads", len(self._known.tail.rows))
+
+    def _from_now(self, name: str, data: Floats) -> Any:
+        """Return the rows of a table from where a search begins on."""
+        self._translator.member(f"plan_{name}", (1,), "int")
+        count = Expression(f"state->plan_{name}", "int", range=(1, len(data)))
+        return Begun(f"plan_{name}", data.shape, "double", data, count=count, begins=self._begins)
+
+    def _strided(self, name: str, data: Floats, most: int) -> Any:
+        """Return rows of a table from where a search begins on, as far apart as those of a tail."""
+        self._translator.member("plan_rows", (1,), "int")
+        count = Expression("state->plan_rows", "int", range=(1, most))
+        stride = tail_stride(self._deputies.mission)
+        table = Strided(f"plan_{name}", data.shape, "double", data, count=count, stride=stride)
+        return replace(table, begins=self._begins)
+
+    @property
+    def _begins(self) -> Expression:
+        return Expression("state->plan_period", "int", range=(0, self._deputies.world.num_controls - 1))
 
     def _priced(self, required: Any) -> Outlook:
         """Return the outlook that plans are priced by: its limits depend on how far the estimate is off."""
@@ -533,7 +560,32 @@ class _Written:
         }
         if self._limits is not None:
             entries["note_limits"] = (aboard.note_limits, self._limiting())
+        if self._limits is not None and self.has_tail:
+            entries |= self._doubting()
         return entries
+
+    def _doubting(self) -> dict[str, Entry]:
+        """Return the functions that note how far what follows a plan may be off."""
+        covariance, entries = self._member("covariance", 36), dict[str, Entry]()
+        if self._tables is not None:
+            turned = {"turns": self._from_now("turns", self._tables.turns), "covariance": covariance}
+            turned |= {"half": self._member("half", 36), "turned": self._member("turned", 36)}
+            entries["turn_covariance"] = (aboard.turn_covariance, turned)
+            covariance = turned["turned"]
+        doubted = {"rows": self._tail.rows, "covariance": covariance}
+        doubted |= {"factor": TAIL_SPREADS**2, "doubts": self._spreads}
+        return {**entries, "note_doubts": (aboard.note_doubts, doubted)}
+
+    def of_constants(self) -> dict[str, Entry]:
+        """Return the function that begins free motion along the chief's orbit, if it takes tables."""
+        if self._tables is None:
+            return {}
+        from_state = {
+            "turns": self._from_now("turns", self._tables.turns),
+            "rests": self._from_now("rests", self._tables.rests),
+            **{"state": self._state, "constants": self._member("constants", 6)},
+        }
+        return {"note_constants": (aboard.note_constants, from_state)}
 
     def _limiting(self) -> dict[str, Any]:
         """Return what `aboard.note_limits` is given."""

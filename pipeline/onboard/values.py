@@ -407,6 +407,18 @@ class Begun(Array):
         return replace(part, indices=(row + self.begins, *others))
 
 
+@dataclass(frozen=True, eq=False)
+class Strided(Begun):
+    """An array of which every so many rows are in use."""
+
+    stride: int = 1
+
+    def at(self, key: Any) -> Array:
+        """Return what an index leads to, or several."""
+        head, *others = key if isinstance(key, tuple) else (key,)
+        return super().at((head * self.stride, *others))
+
+
 @dataclass(frozen=True)
 class Transpose:
     """The transpose of an array: `at` returns a column of it."""

@@ -31,7 +31,7 @@ SLACK_M_S = 0.005
 OUTSIDE_M_S = 1e4
 
 
-class Bounds(NamedTuple):
+class Confines(NamedTuple):
     """What limits the way of a deputy, m, m/s and s."""
 
     nearest: float  # least distance allowed
@@ -183,13 +183,60 @@ def spread_of(rows: Floats, covariance: Floats) -> float:
 
 
 @compiled(error_model="numpy")
+def note_constants(turns: Floats, rests: Floats, state: Floats, constants: Floats) -> None:
+    """Write the constants of free motion, (6,), from a state where it begins.
+
+    `turns`, (n, 6, 6), lead to them from states less `rests`, (n, 6); those of the first row do.
+    """
+    for row in range(6):
+        total = turns[0, row, 0] * (state[0] - rests[0, 0])
+        for q in range(1, 6):
+            total = total + turns[0, row, q] * (state[q] - rests[0, q])
+        constants[row] = total
+
+
+@compiled(error_model="numpy")
+def turn_covariance(turns: Floats, covariance: Floats, half: Floats, turned: Floats) -> None:
+    """Write the covariance of constants of free motion from that of a state, (6, 6) one after the other.
+
+    `turns` are those of `note_constants`; `half` is working space.
+    """
+    for p in range(6):
+        for q in range(6):
+            total = 0.0
+            for r in range(6):
+                total = total + turns[0, p, r] * covariance[6 * r + q]
+            half[6 * p + q] = total
+    for p in range(6):
+        for q in range(6):
+            total = 0.0
+            for r in range(6):
+                total = total + half[6 * p + r] * turns[0, q, r]
+            turned[6 * p + q] = total
+
+
+@compiled(error_model="numpy")
+def note_doubts(rows: Floats, covariance: Floats, factor: float, doubts: Floats) -> None:
+    """Write how far along the track free motion may be off, (T,), m^2: variances, times a factor.
+
+    `rows`, (T, 3, 6), lead there from constants whose covariance is given, (6, 6) one after the other.
+    """
+    for row in range(len(rows)):
+        square = 0.0
+        for p in range(6):
+            for q in range(6):
+                square = square + rows[row, 1, p] * covariance[6 * p + q] * rows[row, 1, q]
+        doubts[row] = factor * square
+
+
+@compiled(error_model="numpy")
 def margin_of(spread: float) -> float:
     """Return how much farther away than need be plans stay, m, where the position may be so far off."""
     return MARGIN_M + SPREADS * spread
 
 
 @compiled(error_model="numpy")
-def limits_of(bounds: Bounds, margin: float) -> Three:
+def limits_of(bounds: Confines, margin: float) -> Three:
     """Return least and greatest distance of plans, and their longest way from a sample to the next, m."""
     inside = bounds.inside + margin
     nearest = max(bounds.nearest + inside, bounds.keep_out + margin)
@@ -199,7 +246,7 @@ def limits_of(bounds: Bounds, margin: float) -> Three:
 
 @compiled(error_model="numpy")
 def note_limits(
-    bounds: Bounds,
+    bounds: Confines,
     rows: Floats,
     covariance: Floats,
     heights_of_points: Floats,
@@ -284,7 +331,7 @@ def note_left(
             is_fired = given[0] != 0.0 or given[1] != 0.0 or given[2] != 0.0
             is_part = period > 0 and was_fired
             if is_fired and period > 0 and not is_part:
-                push += 1
+                push = min(push + 1, num_pushes)
             if is_fired and push < num_pushes:
                 for axis in range(3):
                     left[3 * push + axis] += given[axis]

@@ -32,6 +32,48 @@ class Drift(NamedTuple):
     rest: Floats  # (6,) where drag has led from rest, m and m/s
 
 
+class Tables(NamedTuple):
+    """Free motion along the chief's orbit from the start of a mission's flights to so long after their end.
+
+    N instants are a control period apart, K of them before the end.
+    """
+
+    rows: Floats  # (N, 3, 6) from constants to positions
+    offsets: Floats  # (N, 3) where drag leads from rest, m
+    sums: Floats  # (K+1, 6, 3) what 1 N held since the start has added to the constants
+    turns: Floats  # (K+1, 6, 6) from states, less `rests`, to constants
+    rests: Floats  # (K+1, 6) where drag has led from rest, m and m/s
+
+    def from_sample(self, sample: int, stride: int, count: int) -> Drift:
+        """Return so many rows from a sample on; their sums are told apart by those of the sample."""
+        parts = self.rows[sample::stride][:count], self.offsets[sample::stride][:count]
+        of_sample = self.sums[sample:], self.turns[sample], self.rests[sample]
+        return Drift(*(np.ascontiguousarray(each) for each in (*parts, *of_sample)))
+
+
+@lru_cache(maxsize=4)
+def drift_tables(mission: Mission, beyond_s: float) -> Tables:
+    """Return the tables that plans on board take for every sample, to so long after the end."""
+    num_controls, after = mission.num_controls, beyond_s + tail_stride(mission) * mission.control_period_s
+    motion, drag = tabulated(mission, after)
+    kicks = motion.back[1 : num_controls + 1] @ motion.pushes[:num_controls]
+    sums = np.concatenate([np.zeros((1, 6, 3)), np.cumsum(kicks, axis=0)])
+    tables = (
+        motion.onward[:, :3],
+        drag[:, :3],
+        sums,
+        motion.back[: num_controls + 1],
+        drag[: num_controls + 1],
+    )
+    return Tables(*(np.ascontiguousarray(each) for each in tables))
+
+
+def num_rows(mission: Mission, sample: int, beyond_s: float) -> int:
+    """Return how many rows a tail has from a sample to so long after the end."""
+    periods = mission.num_controls - sample + beyond_s / mission.control_period_s
+    return int(np.ceil(periods / tail_stride(mission))) + 1
+
+
 @lru_cache(maxsize=32)
 def drift_from(mission: Mission, sample: int, beyond_s: float) -> Drift:
     """Return free motion from a sample to so long after the end.
@@ -40,7 +82,7 @@ def drift_from(mission: Mission, sample: int, beyond_s: float) -> Drift:
     the constants are the state in which it begins.
     """
     stride, period, num_controls = tail_stride(mission), mission.control_period_s, mission.num_controls
-    count = int(np.ceil((num_controls - sample + beyond_s / period) / stride)) + 1
+    count = num_rows(mission, sample, beyond_s)
     if isinstance(mission.dynamics, TwoBody):
         motion, drag = tabulated(mission, beyond_s + stride * period)
         rows, offsets = (table[sample::stride, :3][:count] for table in (motion.onward, drag))

@@ -16,15 +16,18 @@ from pipeline.flight.cases.starts import Cases, cases_of, starts_of
 from pipeline.flight.control.controller import RuleController, from_fuzzy
 from pipeline.flight.control.law import law_of
 from pipeline.flight.fly.aboard import (
-    Bounds,
+    Confines,
     limits_of,
     margin_of,
+    note_constants,
+    note_doubts,
     note_products,
     num_needed,
     predict,
     spread_of,
+    turn_covariance,
 )
-from pipeline.flight.fly.drift import drift_from, tail_along
+from pipeline.flight.fly.drift import Drift, drift_from, drift_tables, num_rows, tail_along, tail_stride
 from pipeline.flight.fly.foresight import (
     NO_TAIL,
     Geometry,
@@ -47,6 +50,7 @@ from pipeline.flight.world.pack import pack_world
 from pipeline.physics.transitions import follows_course
 from pipeline.settings.equipment import RealActuators
 from pipeline.settings.experiment import Mission
+from pipeline.settings.mission import TwoBody
 
 #: time between the samples at which plans are priced, s, by the number of pushes
 LOOK_S = {2: 30.0, 3: 20.0}
@@ -248,10 +252,10 @@ class Deputies:
         return _geometry(self.known)
 
     @property
-    def bounds(self) -> Bounds:
+    def bounds(self) -> Confines:
         """What limits their way."""
         world, guard, infinite = self.world, self.world.guard, float("inf")
-        return Bounds(
+        return Confines(
             nearest=world.min_distance,
             farthest=world.max_distance,
             inside=self.constant("coast_margin_m"),
@@ -360,22 +364,59 @@ class Deputies:
         note_products(rows.reshape(-1, *rows.shape[-2:]), state, products.reshape(-1, rows.shape[-2]))
         return products
 
+    @property
+    def _drift_beyond(self) -> Drift:
+        """Free motion to so long after the end as plans are priced by."""
+        if self.has_tables:
+            count = num_rows(self.mission, self.sample, self.beyond_s)
+            tables = drift_tables(self.mission, self.beyond_s)
+            return tables.from_sample(self.sample, tail_stride(self.mission), count)
+        return drift_from(self.mission, self.sample, self.beyond_s)
+
+    @property
+    def beyond_s(self) -> float:
+        """How long after the end plans are priced by, s."""
+        return max(self.after_s, self.constant("foresight_passive_s"))
+
+    @property
+    def has_tables(self) -> bool:
+        """Whether they plan on board by tables of motion along the chief's orbit."""
+        return self.is_bare and isinstance(self.mission.dynamics, TwoBody)
+
+    def _doubts(self, drift: Drift, covariance: Floats) -> Floats:
+        """Return how far along the track the deputy may be off at these instants, squares, (T,), m^2."""
+        factor = TAIL_SPREADS**2
+        if not self.is_bare:
+            ahead = drift.rows[:, 1] @ drift.constants
+            return np.asarray(factor * np.einsum("ji,ik,jk->j", ahead, covariance, ahead))
+        doubts, turned = np.empty(len(drift.rows)), covariance.ravel()
+        if self.has_tables:
+            given, turned = turned, np.empty(36)
+            turn_covariance(drift.constants[np.newaxis], given, np.empty(36), turned)
+        note_doubts(drift.rows, turned, factor, doubts)
+        return doubts
+
+    def _constants(self, drift: Drift, state: Floats) -> Floats:
+        """Return the constants of free motion from a state on, (6,)."""
+        if not self.has_tables:
+            return self._product(drift.constants, state - drift.rest)
+        constants = np.empty(6)
+        note_constants(drift.constants[np.newaxis], drift.rest[np.newaxis], state, constants)
+        return constants
+
     def _tail(self, flight: int) -> Tail:
         """Return what prices what follows pushes and the end, of a flight."""
         after, passive = self.after_s, self.constant("foresight_passive_s")
         if after == passive == 0.0:
             return NO_TAIL
-        drift, start = drift_from(self.mission, self.sample, max(after, passive)), self.believed[flight]
+        drift, start = self._drift_beyond, self.believed[flight]
         reach = self.constant("foresight_reach_m_s") / self.world.delta_v_per_force
         scale = tilt = 0.0
         if isinstance(actuators := self.mission.actuators, RealActuators):
             scale, tilt = actuators.scale_error, float(np.radians(actuators.misalignment_deg))
-        ahead = drift.rows[:, 1] @ drift.constants
-        state = np.r_[start.position_m, start.velocity_m_s] - drift.rest
-        return tail_along(
-            self.mission, drift, self._product(drift.constants, state), after_s=after, passive_s=passive
-        )._replace(
-            doubts=TAIL_SPREADS**2 * np.einsum("ji,ik,jk->j", ahead, self.covariances[flight], ahead),
+        constants = self._constants(drift, np.r_[start.position_m, start.velocity_m_s])
+        return tail_along(self.mission, drift, constants, after_s=after, passive_s=passive)._replace(
+            doubts=self._doubts(drift, self.covariances[flight]),
             scale_doubt=(TAIL_SPREADS * scale) ** 2,
             tilt_doubt=(TAIL_SPREADS * tilt) ** 2,
             doubt_price=self.constant("foresight_doubt_m_s"),

@@ -14,7 +14,7 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import ControllerError, from_fuzzy, open_loop
 from pipeline.flight.control.law import law_of
-from pipeline.flight.fly import replanning
+from pipeline.flight.fly import aboard, replanning
 from pipeline.flight.fly.free_drift import num_doubts, outside_later
 from pipeline.flight.fly.outlooks import TAIL_SPREADS, at_start, finishing, later, rehearsing
 from pipeline.flight.fly.population import fly_population
@@ -255,7 +255,7 @@ def test_a_plan_is_flown_on_or_made_anew_by_what_it_falls_short(monkeypatch):
     controller = foreseeing(foresight_period_s="900.0", decision_period_s="30.0")
     short, flown = replace(NOISY, duration_s=1200.0), {}
     for slack_m_s in (np.inf, -np.inf):
-        monkeypatch.setattr(replanning, "SLACK_M_S", slack_m_s)
+        monkeypatch.setattr(aboard, "SLACK_M_S", slack_m_s)
         foreseen = foresee(short, controller, STARTS[:1], records=True)
         flown[slack_m_s] = foreseen.openings[0], foreseen.decisions[1]
     (openings, held), (_, anew) = flown.values()

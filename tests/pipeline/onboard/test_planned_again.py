@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fis_tools.compiled.decorator import plain
-from pipeline.flight.fly.aboard import MARGIN_M, Bounds, cost_ahead, limits_of, margin_of, spread_of
+from pipeline.flight.fly.aboard import MARGIN_M, Confines, cost_ahead, limits_of, margin_of, spread_of
 from pipeline.flight.fly.outlooks import rows_of_spread, spread_after
 from pipeline.flight.fly.pushes import NUM_NEAR_DRAWS, gather
 from pipeline.flight.fly.rehearsals import OUTSIDE_M_S
@@ -47,7 +47,7 @@ def test_the_spread_on_board_is_at_least_that_of_the_worst_direction(seconds):
 def test_limits_draw_in_by_the_margin_and_by_what_the_safety_layer_keeps():
     margin = plain(margin_of)(2.0)
     assert margin == MARGIN_M + 2.0
-    free = Bounds(15.0, 200.0, 4.0, -np.inf, np.inf, np.inf, 30.0, np.inf)
+    free = Confines(15.0, 200.0, 4.0, -np.inf, np.inf, np.inf, 30.0, np.inf)
     assert plain(limits_of)(free, margin) == (15.0 + (4.0 + margin), 200.0 - (4.0 + margin), np.inf)
     layered = free._replace(keep_out=20.0, keep_in=190.0, fastest=0.5, period=300.0)
     assert plain(limits_of)(layered, margin) == (20.0 + margin, 190.0 - margin, 30.0 * (0.5 - margin / 300.0))

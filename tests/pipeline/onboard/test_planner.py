@@ -42,7 +42,7 @@ EVERY = {name: from_fuzzy(serialize.load(path)) for name, path in SHIPPED.items(
 PLANNING = {name: each for name, each in EVERY.items() if foresees(each)}
 #: little effort, which is enough for what is tried here
 QUICK = {2: Effort(16, 9), 3: Effort(24, 9)}
-#: where a deputy knows neither where it is nor what it fires for certain; and controllers that plan there
+#: where a deputy knows neither where it is nor what it fires for certain
 ERRORS = {"navigation": {"mode": "fixes"}, "actuators": {"kind": "real"}}
 NOISY = mission(duration_s=1200.0, **ERRORS)
 CAMERA = {"sensor": {"max_incidence_deg": 70.0, "max_range_m": 90.0}, "light": {"shadow": "conical"}}
@@ -52,7 +52,6 @@ ELLIPSE = {
     ),
     "dynamics": TwoBody(j2=1.08e-3),
 }
-AGAIN = {name: each for name, each in PLANNING.items() if not name.endswith("_parked")}
 #: bits of the status, as the header defines them
 BAD_POSITION, BAD_START = 2, 64
 #: what writes into a state how many periods ahead it plans, and reads where a plan begins
@@ -133,6 +132,16 @@ def test_a_mission_of_another_kind_is_planned_in_the_same_way(changes, tmp_path)
         answers = library.answers(recorded(program, tilted, log))
         assert len(differing(answers, log)) == 0
         assert (answers["reason"] == REHEARSED).any()
+
+
+def test_what_follows_a_flight_about_an_oblate_earth_is_planned_by_its_tables(tmp_path):
+    flown = mission(duration_s=1200.0, **ERRORS, dynamics=TwoBody(j2=1.08e-3, drag_m_s2=1e-7))
+    program = translate(flown, PLANNING["champion_leo_parked"])
+    library = written(program, tmp_path)
+    for start in random_starts(2, seed=3):
+        log = fly_logged(flown, program.controller, start)
+        assert len(differing(library.answers(recorded(program, start, log)), log)) == 0
+        assert np.count_nonzero(log.foresight_at[1:, 1]) > 0
 
 
 def rules_flight(program, start):
@@ -285,27 +294,29 @@ def test_nothing_is_planned_before_the_start_or_from_bad_input(planning):
     assert library.plan() == 0
 
 
-@pytest.fixture(scope="module", params=AGAIN)
+@pytest.fixture(scope="module", params=PLANNING)
 def replanning(request, tmp_path_factory):
-    program = translate(NOISY, AGAIN[request.param])
+    program = translate(NOISY, PLANNING[request.param])
     return program, written(program, tmp_path_factory.mktemp("replanning"))
 
 
 def test_c_plans_again_from_the_estimate_as_the_product_does(replanning):
     program, library = replanning
     num_anew = num_held = num_coasted = 0
-    for start in random_starts(6, seed=11):
+    starts = random_starts(6, seed=11)
+    together = fly_all(NOISY, program.controller, starts).delta_v_m_s
+    for start, delta_v in zip(starts, together, strict=True):
         log = fly_logged(NOISY, program.controller, start)
         assert len(log.foresight_at) == NOISY.num_controls // program.planner.again.period
         assert len(differing(library.answers(recorded(program, start, log)), log)) == 0
-        many = fly_all(NOISY, program.controller, [start])
-        assert many.delta_v_m_s[0] == log.delta_v_m_s[-1]
+        assert delta_v == log.delta_v_m_s[-1]
         later = log.foresight_at[:, 0] > 0
         num_held += np.count_nonzero(later & (log.foresight_at[:, 1] == 0))
         num_anew += np.count_nonzero(later & (log.foresight_at[:, 1] > 0))
         num_coasted += np.count_nonzero(log.foresight_ends_m_s[:, 0] <= log.foresight_ends_m_s[:, 1])
     assert num_anew > 3
-    assert num_held > 0
+    if not program.planner.has_tail:  # what errors lead to long after a flight is seldom still as planned
+        assert num_held > 0
     assert num_coasted > 0
 
 
@@ -385,9 +396,9 @@ def test_the_last_plan_is_flown_on_without_a_covariance(replanning):
     assert library.plan(0) == 0
 
 
-@pytest.mark.parametrize("name", AGAIN)
+@pytest.mark.parametrize("name", ["champion_27_rehearsed", "champion_27_parked"])
 def test_an_export_that_plans_again_repeats_its_flights_by_its_own_evidence(name, tmp_path):
-    program, folder = translate(NOISY, AGAIN[name]), tmp_path / "flight_software"
+    program, folder = translate(NOISY, PLANNING[name]), tmp_path / "flight_software"
     result = export(program, random_starts(1, seed=11), folder)
     assert (result.num_different, result.num_commands) == (0, NOISY.num_controls)
     evidence, compiled = folder / "evidence", tmp_path / "compared"
@@ -432,7 +443,6 @@ def test_flights_ahead_leave_what_the_rules_go_on_with(replanning):
     ("changes", "words"),
     [
         ({"chief": {"initial_angular_velocity_rad_s": (0.01, 0.0, 0.0)}}, "a chief that turns in Hill axes"),
-        ({**ERRORS, "after_s": 6000.0}, "would plan again by what errors lead to after the flight"),
         ({**ERRORS, "guidance": {"kind": "clusters"}}, "would choose among clusters"),
         (ELLIPSE, "would plan along the chief's own orbit"),
     ],
