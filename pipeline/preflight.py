@@ -38,10 +38,11 @@ def check_before(experiment: Experiment) -> None:
             "train with guidance.engine=compiled"
         )
     if "assure" in experiment.stages:
-        from pipeline.evaluation.assurance.requirements import check_formulas, load_requirements  # noqa: PLC0415
+        from pipeline.evaluation.assurance.requirements import check_formulas, check_starts, load_requirements  # noqa: PLC0415 - the same
 
         requirements = load_requirements(experiment.assurance.requirements, experiment.mission)
         check_formulas(requirements, experiment.mission)
+        check_starts(requirements, experiment.monte_carlo)
     _check_fit(experiment)
     if "optimum" in experiment.stages:
         from pipeline.optimum.problem import check_light  # noqa: PLC0415 - compiled code, like the controller's

@@ -339,10 +339,10 @@ class Experiment(Settings, group=""):
                     f"fleet.deputies is {deputies}, and the starts are of {given} each case; give starts of "
                     "as many, with a column deputy, or change fleet.deputies"
                 )
-        if cases.parked and ("assure" in self.stages or cases.splitting_flights):
+        if cases.parked and cases.splitting_flights:
             raise SettingError(
-                "monte_carlo.parked is true, and neither assure nor monte_carlo.splitting_flights draws such "
-                "starts; leave one of them out"
+                "monte_carlo.parked is true, and monte_carlo.splitting_flights draws no such starts; leave "
+                "one of them out"
             )
 
     def _check_distance(self, what: str, distance_m: float) -> None:

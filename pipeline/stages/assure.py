@@ -193,7 +193,7 @@ def _gather(
         sys.stderr.write(f"  {how}; assurance.stop_width is {settings.stop_width:g}\n")
     _write(folder, artifacts.ASSURED_CASES, evidence.case_columns(mission, scenarios, outcomes))
     domain = _domain(experiment, controller, folder)
-    proof = safety_proof(mission, scenarios, start_bounds(experiment.monte_carlo))
+    proof = safety_proof(mission, scenarios, start_bounds(experiment))
     recorder = FlightRecorder(experiment, controller, configuration.read(folder))
     entries, all_evidence = [], []
     for requirement in requirements.requirements:

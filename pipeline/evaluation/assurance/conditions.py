@@ -11,7 +11,6 @@ from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.groups import names_of
 from pipeline.settings.keys import value_at
 from pipeline.settings.mission import START_M, Sun
-from pipeline.settings.monte_carlo import MonteCarlo
 from pipeline.settings.schema import present, schema
 
 #: coordinates of a start and their units
@@ -28,14 +27,15 @@ def conditions_of(experiment: Experiment, config: Mapping[str, Any]) -> dict[str
     config : mapping
         Its configuration as plain data, of which the settings that differ from the defaults are kept.
     """
-    mission, cases = experiment.mission, experiment.monte_carlo
-    (near, far, speed), deputies = start_bounds(cases), mission.fleet.deputies
+    mission = experiment.mission
+    (near, far, speed), deputies = start_bounds(experiment), mission.fleet.deputies
     return {
         "num_cases": experiment.assurance.num_cases,
         **({} if (width := experiment.assurance.stop_width) is None else {"stop_width": width}),
         "seed": experiment.seed,
         **({"deputies": deputies} if mission.has_fleet else {}),
-        "starts": starts_in_words(cases) + (f", of each of {deputies} deputies" if mission.has_fleet else ""),
+        "starts": starts_in_words(experiment)
+        + (f", of each of {deputies} deputies" if mission.has_fleet else ""),
         "start_distance_m": [near, far],
         "start_speed_m_s": speed,
         # where nothing is to be inspected, the Sun changes no flight
@@ -51,8 +51,12 @@ def conditions_of(experiment: Experiment, config: Mapping[str, Any]) -> dict[str
     }
 
 
-def start_bounds(cases: MonteCarlo) -> tuple[float, float, float]:
+def start_bounds(experiment: Experiment) -> tuple[float, float, float]:
     """Return the least and the greatest distance of starts, m, and their greatest speed, m/s."""
+    cases = experiment.monte_carlo
+    if cases.parked:  # along the track by twice the radial distance in the time of a radian
+        fastest = 2.0 * experiment.mission.orbit.mean_motion_rad_s * cases.max_distance_m
+        return cases.min_distance_m, cases.max_distance_m, fastest
     if cases.box is None:
         return cases.min_distance_m, cases.max_distance_m, cases.max_speed_m_s
     low, high = np.array(cases.box)
@@ -61,11 +65,14 @@ def start_bounds(cases: MonteCarlo) -> tuple[float, float, float]:
     return float(near), float(far), float(speed)
 
 
-def starts_in_words(cases: MonteCarlo) -> str:
+def starts_in_words(experiment: Experiment) -> str:
     """Describe the set from which starts are drawn, to follow "starts" or "every start"."""
+    cases = experiment.monte_carlo
+    if cases.parked:
+        return f"at {cases.min_distance_m:g} to {cases.max_distance_m:g} m, parked"
     if cases.box is not None:
         return f"with {box_in_words(*cases.box)}"
-    return shell_in_words(*start_bounds(cases))
+    return shell_in_words(*start_bounds(experiment))
 
 
 def shell_in_words(near_m: float, far_m: float, speed_m_s: float) -> str:

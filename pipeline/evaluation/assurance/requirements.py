@@ -11,6 +11,7 @@ from pipeline.evaluation.assurance.robustness import idle_window, late_window
 from pipeline.run import configuration
 from pipeline.settings.experiment import Mission
 from pipeline.settings.keys import choices_of, did_you_mean, value_at
+from pipeline.settings.monte_carlo import MonteCarlo
 from pipeline.settings.places import requirements_path
 from plain_files.file_access import read_text
 
@@ -326,6 +327,21 @@ def check_deputies(requirements: Sequence[Requirement], mission: Mission) -> Non
                 f"{requirement.id}: fleet.deputies is {mission.fleet.deputies}, and verified_by has "
                 f"{unaware[0]}, which varies the start of one deputy; leave it out, or choose requirements "
                 "for fleets, such as assurance.requirements=inspection_fleet"
+            )
+
+
+def check_starts(requirements: Sequence[Requirement], cases: MonteCarlo) -> None:
+    """Refuse methods that vary starts otherwise than cases do.
+
+    Raises
+    ------
+    RequirementError
+    """
+    for requirement in requirements if cases.parked else ():
+        if unaware := [name for name in requirement.verified_by if name in OF_ONE_DEPUTY]:
+            raise RequirementError(
+                f"{requirement.id}: monte_carlo.parked is true, and verified_by has {unaware[0]}, which "
+                "knows no such starts; leave one of them out"
             )
 
 

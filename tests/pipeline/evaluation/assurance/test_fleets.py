@@ -18,6 +18,7 @@ from pipeline.evaluation.assurance.requirements import (
     OF_ONE_DEPUTY,
     RequirementError,
     check_formulas,
+    check_starts,
     load_requirements,
 )
 from pipeline.evaluation.monte_carlo import fly_tracked
@@ -117,15 +118,15 @@ def test_a_fleet_meets_what_each_deputy_meets(flown):
 def test_pairs_are_proved_apart_where_they_start_so(flown):
     experiment, scenarios, tracks, facts = flown
     mission = experiment.mission
-    proof = safety_proof(mission, scenarios, start_bounds(experiment.monte_carlo))
+    proof = safety_proof(mission, scenarios, start_bounds(experiment))
     assert (proof.num_starts, proof.num_safe, proof.keep_apart_m) == (36, 36, 10.0)
-    assert 10.0 < proof.start_apart_m < 10.1
+    assert proof.start_apart_m == pytest.approx(10.0)  # who holds still at rest stops there
     assert proof.proves(parse(APART, UNITS))
     assert proof.proves(parse("always distance >= 15 m", UNITS))
     assert margins(APART, tracks, facts).min() >= 0.0
     for unproved in (
         "always nearest_pair >= 10 m",
-        "nearest_pair >= 10 m -> always (nearest_pair >= 10 m)",
+        "nearest_pair >= 9.9 m -> always (nearest_pair >= 10 m)",
         "nearest_pair >= 11 m -> always (nearest_pair >= 10.1 m)",
         "nearest_pair >= 11 m -> eventually (nearest_pair >= 10 m)",
         "distance >= 11 m -> always (nearest_pair >= 10 m)",
@@ -135,7 +136,7 @@ def test_pairs_are_proved_apart_where_they_start_so(flown):
     ):
         assert not proof.proves(parse(unproved, UNITS))
     of_none = replace(mission, fleet=replace(mission.fleet, keep_apart_m=0.0))
-    loose = safety_proof(of_none, scenarios, start_bounds(experiment.monte_carlo))
+    loose = safety_proof(of_none, scenarios, start_bounds(experiment))
     assert not loose.proves(parse(APART, UNITS))
     assert loose.proves(parse("always distance >= 15 m", UNITS))
 
@@ -143,10 +144,29 @@ def test_pairs_are_proved_apart_where_they_start_so(flown):
 def test_faster_starts_must_be_farther_apart():
     """A stop lies ahead by half of the way in a control period, for both."""
     experiment, _, scenarios = composed("monte_carlo.max_speed_m_s=0.2")
-    proof = safety_proof(experiment.mission, scenarios, start_bounds(experiment.monte_carlo))
+    proof = safety_proof(experiment.mission, scenarios, start_bounds(experiment))
     assert proof.start_apart_m == pytest.approx(10.0 + 2.0 * 0.5 * 0.2 * 10.0, abs=0.05)
     assert not proof.implies(parse(APART, UNITS))
     assert proof.implies(parse("nearest_pair >= 12.1 m -> always (nearest_pair >= 10 m)", UNITS))
+
+
+def test_parked_starts_are_proved_by_how_fast_they_may_be():
+    """Cases that are drawn stay within the bounds, and the fastest of them comes near."""
+    experiment, _, scenarios = composed("monte_carlo.parked=true", "fleet.deputies=6")
+    near, far, speed = start_bounds(experiment)
+    starts = [start for scenario in scenarios for start in scenario.fleet]
+    speeds = np.array([np.linalg.norm(start.velocity_m_s) for start in starts])
+    distances = np.array([np.linalg.norm(start.position_m) for start in starts])
+    assert near <= distances.min()
+    assert distances.max() <= far
+    assert 0.8 * speed < speeds.max() <= speed
+    proof = safety_proof(experiment.mission, scenarios, (near, far, speed))
+    assert proof.proves(parse("nearest_pair >= 12.3 m -> always (nearest_pair >= 10 m)", UNITS))
+    requirements = load_requirements("inspection", experiment.mission)
+    with pytest.raises(
+        RequirementError, match=r"R1: monte_carlo\.parked is true, and verified_by has search"
+    ):
+        check_starts(requirements, experiment.monte_carlo)
 
 
 def test_requirements_fit_the_number_of_deputies():
