@@ -262,7 +262,9 @@ def nudged(flight, k, state, log, generator):
     state.attitude = state.attitude * Rotation.from_rotvec(NUDGE * generator.standard_normal(3))
     state.centres = near(state.centres)
     if state.belief is not None:
-        state.belief.state = near(state.belief.state, NUDGE + corrected_error(k, log))
+        # with late fixes the reference has its own, see `followed`
+        late = FILTERED if flight.mission.navigation.delay_s > 0.0 else 0.0
+        state.belief.state = near(state.belief.state, NUDGE + corrected_error(k, log) + late)
         scale = 1.0 + NUDGE * generator.standard_normal(len(state.belief.covariance))
         state.belief.covariance = state.belief.covariance * np.outer(scale, scale)
     return period(other, k, state)
