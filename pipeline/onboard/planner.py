@@ -212,6 +212,11 @@ def check(mission: Mission, known: Mission, controller: RuleController, num_rows
         With the fact and the cure.
     """
     name, cure = controller.name, "or add --bare: then its plan is an input"
+    if mission.dispersions:
+        raise NotTranslatableError(
+            f"{name!r} would plan with what is drawn for each flight, and C has one mission; leave "
+            f"dispersions out, {cure}"
+        )
     if mission.has_true_course or known.dynamics.model != "cw":
         raise NotTranslatableError(
             f"{name!r} would plan along the chief's own orbit, whose tables are not exported yet; set "
