@@ -41,6 +41,8 @@ def read_comparison(folder: Path) -> list[comparison.ComparisonRow]:
     summary = artifacts.read_json(folder, artifacts.COMPARISON)
     with artifacts.explained(f"{folder / artifacts.COMPARISON} is no comparison", "repeat the stage compare"):
         rows = [comparison.row_of(row) for row in summary["rows"]]
+        if not any(row.source == comparison.FLOWN for row in rows):
+            raise ValueError("no row tells of flights")
         comparison.format_comparison(rows)  # raises for any number that is missing
     return rows
 

@@ -21,7 +21,7 @@ from fis_tools.__main__ import main as fis_tools
 from pipeline.command_line.arguments import parse_arguments
 from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
-from pipeline.run import artifacts, configuration, sweep
+from pipeline.run import artifacts, sweep
 from pipeline.settings.stages import STAGES
 from telemetry.commands import main as telemetry
 from tests import night
@@ -251,5 +251,4 @@ def test_no_page_of_any_experiment_shows_what_a_file_says_otherwise_than_it_read
         for content in attacks(path, rng, SHOWN):
             carried_out(experiment, path, content, [(main, ["hydra.run.dir=run", "stages=[report]"])], capfd)
             num_pages += len(list(Path("run").glob("*.html")))
-    has_report = configuration.read(experiment)["fleet"]["deputies"] == 1
-    assert bool(num_pages) == has_report
+    assert num_pages

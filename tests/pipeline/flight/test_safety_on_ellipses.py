@@ -11,7 +11,7 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.flight.control.controller import coast
 from pipeline.flight.fly.reference import reference_of
 from pipeline.flight.fly.simulation import fly_all, fly_logged
-from pipeline.flight.period.act.safety import MOST_CUTS, corrected_force
+from pipeline.flight.period.act.safety import MOST_CUTS, NO_SUN, corrected_force
 from pipeline.flight.reference.safety import SafetyLayer
 from pipeline.flight.reference.two_body import hill_axes
 from pipeline.flight.state.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED, Scenario
@@ -97,7 +97,8 @@ def test_the_layer_changes_a_force_as_written(name):
             requested = generator.normal(0.0, 0.1, 3)
             expected, words = layer.assured(state, requested)
             known = Three(*state[:3]), Three(*state[3:])
-            force, limit = corrected_force(world, k, known, Three(*requested), np.zeros((MOST_CUTS, 4)))
+            cuts = np.zeros((MOST_CUTS, 4))
+            force, limit = corrected_force(world, k, known, Three(*requested), (NO_SUN, NO_SUN), cuts)
             if words is None:
                 assert limit == SAFE
                 continue

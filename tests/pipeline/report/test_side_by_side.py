@@ -153,7 +153,9 @@ def test_words_stand_out_from_the_squares_of_worlds():
         assert contrast(text.get_color(), square.get_facecolor()[:3]) >= 4.5
 
 
-@pytest.mark.parametrize("content", ["[]", '{"rows": [{"controller": "x"}]}', '{"rows": 3}', '{"a": 1}', "{"])
+@pytest.mark.parametrize(
+    "content", ["[]", '{"rows": [{"controller": "x"}]}', '{"rows": 3}', '{"rows": []}', '{"a": 1}', "{"]
+)
 def test_a_damaged_comparison_is_refused_in_a_sentence(content, tmp_path):
     path = tmp_path / artifacts.COMPARISON
     path.parent.mkdir()
