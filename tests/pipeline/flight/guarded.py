@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, table_rules
-from pipeline.flight.control.controller import Controller
+from pipeline.array_types import Floats
+from pipeline.flight.control.controller import Controller, coast, open_loop
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission, Safety
 from tests.pipeline.flight.cases import controller, isotropic, mission
@@ -51,3 +52,20 @@ def pushing(force_n: float) -> Controller:
     terms = (Term("push", Gaussian(force_n, 0.2 * abs(force_n))),)
     output = Variable("force_x", "N", -2.0 * abs(force_n), 2.0 * abs(force_n), terms, default=force_n)
     return controller((FuzzySystem("push", (seen,), (output,), table_rules((seen,), output, ["push"])),))
+
+
+def hostile(seed: int, **forces_n: Floats) -> dict[str, Controller]:
+    """Controllers that ask for what a safety layer must not grant, by name; forces, (n, 3), add others."""
+    random = np.random.default_rng(seed)
+    drawn = {
+        "weak noise": random.normal(0.0, 0.05, (360, 3)),
+        "strong noise": random.normal(0.0, 2.0, (360, 3)),
+        "long pushes": np.repeat(random.choice([-1.0, 0.0, 1.0], (24, 3)), 15, axis=0),
+    }
+    named = drawn | {name.replace("_", " "): forces for name, forces in forces_n.items()}
+    return {
+        "towards the chief": pushing(-1.0),
+        "away from the chief": pushing(1.0),
+        "not at all": coast(),
+        **{name: open_loop(name, forces) for name, forces in named.items()},
+    }

@@ -19,7 +19,7 @@ from pipeline.settings.experiment import SettingError
 from tests.pipeline.flight import afrl_limits
 from tests.pipeline.flight.as_written import assert_as_written
 from tests.pipeline.flight.cases import STEERING, isotropic
-from tests.pipeline.flight.guarded import EARLY, LAST_MOMENT, SPHERES, guarded, pushing, starts_at_rest
+from tests.pipeline.flight.guarded import EARLY, LAST_MOMENT, SPHERES, guarded, hostile, starts_at_rest
 
 LIMIT_M_S = 0.05
 SAFETIES = {
@@ -27,21 +27,7 @@ SAFETIES = {
     for name, safety in {"at the last moment": LAST_MOMENT, "early": EARLY}.items()
 }
 
-random = np.random.default_rng(41)
-HOSTILE = {
-    "towards the chief": pushing(-1.0),
-    "away from the chief": pushing(1.0),
-    **{
-        name: open_loop(name, forces)
-        for name, forces in {
-            "weak noise": random.normal(0.0, 0.05, (360, 3)),
-            "strong noise": random.normal(0.0, 2.0, (360, 3)),
-            "long pushes": np.repeat(random.choice([-1.0, 0.0, 1.0], (24, 3)), 15, axis=0),
-            "radially": np.tile([1.0, 0.0, 0.0], (360, 1)),
-            "not at all": np.zeros((0, 3)),
-        }.items()
-    },
-}
+HOSTILE = hostile(41, radially=np.tile([1.0, 0.0, 0.0], (360, 1)))
 
 
 def fastest(safety, controller, starts):

@@ -10,7 +10,7 @@ from fis_tools.compiled.three import Three
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.evaluation.assurance.open_starts import start_without_way_out
-from pipeline.flight.control.controller import coast, open_loop
+from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.fly.stepping import SPENT, SteppedFlights
 from pipeline.flight.period.act.way_out import is_open
@@ -20,7 +20,15 @@ from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import SettingError
 from tests.pipeline.flight.as_written import assert_as_written
 from tests.pipeline.flight.cases import isotropic
-from tests.pipeline.flight.guarded import EARLY, LAST_MOMENT, SPHERES, guarded, pushing, starts_at_rest
+from tests.pipeline.flight.guarded import (
+    EARLY,
+    LAST_MOMENT,
+    SPHERES,
+    guarded,
+    hostile,
+    pushing,
+    starts_at_rest,
+)
 from tests.pipeline.flight.test_way_out import ORBIT_S, coasted
 
 LIMIT_M_S = 0.4
@@ -31,24 +39,12 @@ MISSIONS = {
     "slow": guarded(replace(KEPT, axis_speed_limit_m_s=0.05)),
 }
 
-random = np.random.default_rng(53)
-HOSTILE = {
-    "towards the chief": pushing(-1.0),
-    "away from the chief": pushing(1.0),
-    "slowly towards the chief": pushing(-0.01),
-    "not at all": coast(),
-    **{
-        name: open_loop(name, forces)
-        for name, forces in {
-            "weak noise": random.normal(0.0, 0.05, (360, 3)),
-            "strong noise": random.normal(0.0, 2.0, (360, 3)),
-            "long pushes": np.repeat(random.choice([-1.0, 0.0, 1.0], (24, 3)), 15, axis=0),
-            "to and fro": np.resize([[0.0, 0.02, 0.0], [0.0, -0.02, 0.0]], (360, 3)),
-            "across the track": np.tile([0.0, 0.0, -1.0], (360, 1)),
-            "at the end": np.repeat([[0.0] * 3, [-1.0, 1.0, 1.0]], [330, 30], axis=0),
-        }.items()
-    },
-}
+HOSTILE = hostile(
+    53,
+    to_and_fro=np.resize([[0.0, 0.02, 0.0], [0.0, -0.02, 0.0]], (360, 3)),
+    across_the_track=np.tile([0.0, 0.0, -1.0], (360, 1)),
+    at_the_end=np.repeat([[0.0] * 3, [-1.0, 1.0, 1.0]], [330, 30], axis=0),
+) | {"slowly towards the chief": pushing(-0.01)}
 
 
 def flying(position):

@@ -11,7 +11,7 @@ from fis_tools.compiled.three import Three
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.evaluation.assurance.open_starts import start_without_way_out
-from pipeline.flight.control.controller import coast, open_loop
+from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.period.act.safety import free_state
 from pipeline.flight.period.act.way_out import is_open, spare_at, way_out
@@ -25,7 +25,7 @@ from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import SettingError
 from tests.pipeline.flight.as_written import assert_as_written
 from tests.pipeline.flight.cases import isotropic
-from tests.pipeline.flight.guarded import LAST_MOMENT, SPHERES, guarded, pushing, starts_at_rest
+from tests.pipeline.flight.guarded import LAST_MOMENT, SPHERES, guarded, hostile, pushing, starts_at_rest
 from tests.pipeline.flight.missions import MEAN_MOTION
 
 KEPT = guarded(replace(LAST_MOMENT, keep_way_out=True))
@@ -33,25 +33,13 @@ KEPT = guarded(replace(LAST_MOMENT, keep_way_out=True))
 LEO = "world=leo", "navigation=perfect", "actuators=ideal", "dynamics=cw"
 ORBIT_S = 2.0 * np.pi / MEAN_MOTION
 
-random = np.random.default_rng(23)
-HOSTILE = {
-    "towards the chief": pushing(-1.0),
-    "away from the chief": pushing(1.0),
-    "slowly towards the chief": pushing(-0.01),
-    "not at all": coast(),
-    **{
-        name: open_loop(name, forces)
-        for name, forces in {
-            "weak noise": random.normal(0.0, 0.05, (360, 3)),
-            "strong noise": random.normal(0.0, 2.0, (360, 3)),
-            "long pushes": np.repeat(random.choice([-1.0, 0.0, 1.0], (24, 3)), 15, axis=0),
-            "radially": np.tile([1.0, 0.0, 0.0], (360, 1)),
-            "along the track": np.tile([0.0, 1.0, 0.0], (360, 1)),
-            "across the track": np.tile([0.0, 0.0, -1.0], (360, 1)),
-            "at the end": np.repeat([[0.0] * 3, [-1.0, 1.0, 1.0]], [330, 30], axis=0),
-        }.items()
-    },
-}
+HOSTILE = hostile(
+    23,
+    radially=np.tile([1.0, 0.0, 0.0], (360, 1)),
+    along_the_track=np.tile([0.0, 1.0, 0.0], (360, 1)),
+    across_the_track=np.tile([0.0, 0.0, -1.0], (360, 1)),
+    at_the_end=np.repeat([[0.0] * 3, [-1.0, 1.0, 1.0]], [330, 30], axis=0),
+) | {"slowly towards the chief": pushing(-0.01)}
 
 
 def flying(state):
