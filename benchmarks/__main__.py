@@ -13,46 +13,6 @@ import numba
 
 from benchmarks import commands, inference, learning, recording, start, steps, tools
 
-#: comparisons and attacks rather than timings, each with its own options
-CAMPAIGNS = (
-    "additions",
-    "adversaries",
-    "after",
-    "agree",
-    "artefact",
-    "basilisk",
-    "budget",
-    "consistency",
-    "dialects",
-    "edit",
-    "field",
-    "first_push",
-    "fleet",
-    "fleet_attacks",
-    "flights",
-    "foresight",
-    "forge",
-    "fuzz",
-    "imitated",
-    "inference_mutants",
-    "kills",
-    "leaderboard",
-    "missions",
-    "networks",
-    "never_worse",
-    "objects",
-    "onboard",
-    "planted",
-    "policies",
-    "rare",
-    "scaling",
-    "soak",
-    "trainings",
-    "translated",
-    "tube",
-    "way_out",
-    "worth",
-)
 PARTS = ("gym", "inference", "learning", "monte_carlo", "recording", "start", "steps", "tools", "training")
 
 
@@ -66,25 +26,28 @@ def processor() -> str:
     return names[0] if names else platform.machine()
 
 
-def programs() -> list[str]:
-    """Return a line for each program of this folder: its name, and what it does."""
-    lines = []
+def programs() -> dict[str, str]:
+    """Return what each program of this folder does, by its name: a program has a `main` that takes words."""
+    programs = {}
     for path in sorted(Path(__file__).parent.glob("[a-z]*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
-        if any(isinstance(node, ast.FunctionDef) and node.name in ("main", "run") for node in tree.body):
-            lines.append(f"  {path.stem:12} {(ast.get_docstring(tree) or '').splitlines()[0]}")
-    return lines
+        if any(
+            isinstance(node, ast.FunctionDef) and node.name == "main" and node.args.args for node in tree.body
+        ):
+            programs[path.stem] = (ast.get_docstring(tree) or "").splitlines()[0]
+    return programs
 
 
 def main() -> int:
-    """Run a campaign, or the chosen parts."""
-    if sys.argv[1:2] and sys.argv[1] in CAMPAIGNS:
+    """Run a program, or the chosen parts."""
+    every_program = programs()
+    if sys.argv[1:2] and sys.argv[1] in every_program:
         run: Callable[[Sequence[str]], int] = import_module(f"benchmarks.{sys.argv[1]}").main
         return run(sys.argv[2:])
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks",
         description=__doc__,
-        epilog="\n".join(["programs:", *programs()]),
+        epilog="\n".join(["programs:", *(f"  {name:12} {text}" for name, text in every_program.items())]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; all unless given")

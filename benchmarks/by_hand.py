@@ -1,4 +1,4 @@
-"""Flights computed with pencil and paper, and as flown: ``python -m benchmarks.by_hand [CONTROLLER]``.
+"""Flights computed with pencil and paper, and as flown: ``python -m benchmarks by_hand [CONTROLLER]``.
 
 For controllers with triangular terms, antecedents joined by the minimum, and outputs by
 centroid. Inference is done as by hand, on the corners of the cut triangles, independently of the
@@ -6,7 +6,8 @@ product's inference.
 """
 
 import argparse
-from collections.abc import Iterable, Iterator
+import sys
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -30,13 +31,13 @@ TOLD = 8
 AXES = ("radial", "along the track", "across")
 
 
-def main() -> None:
+def main(arguments: Sequence[str]) -> None:
     """Print the flights as Markdown."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.by_hand", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks by_hand", description=__doc__)
     parser.add_argument(
         "controller", nargs="?", default="champion_27", help="as in controller=NAME, or a file"
     )
-    print("\n".join(pages(parser.parse_args().controller)))
+    print("\n".join(pages(parser.parse_args(arguments).controller)))
 
 
 def pages(controller: str) -> Iterator[str]:
@@ -226,4 +227,4 @@ def clock(mission: Mission, k: int) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -1,8 +1,9 @@
-"""What a champion does, and where it fails: ``python -m benchmarks.champion CONTROLLER [--sun random]``."""
+"""What a champion does, and where it fails: ``python -m benchmarks champion CONTROLLER [--sun random]``."""
 
 import argparse
 import math
-from collections.abc import Mapping
+import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -45,9 +46,9 @@ PAUSE = 6
 PICTURE_DPI = 110
 
 
-def main() -> None:
+def main(arguments: Sequence[str]) -> None:
     """Print Markdown tables."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.champion", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks champion", description=__doc__)
     parser.add_argument("controller", help="as in controller=NAME, or a file")
     parser.add_argument("--sun", choices=("fixed", "random"), default="fixed")
     parser.add_argument("--seed", type=int, default=777, help="of the starts")
@@ -58,7 +59,7 @@ def main() -> None:
     parser.add_argument("--world", default="paper", help="as in world=NAME; all but paper draw their own Sun")
     parser.add_argument("--picture", type=Path, help="with --case or --flights: where to, a PNG")
     parser.add_argument("--flights", type=int, choices=range(1, 9), help="draw so many, and nothing else")
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     if options.flights is not None and options.picture is None:
         parser.error("--flights draws a picture; add --picture FILE.png")
     overrides = [f"seed={options.seed}", f"monte_carlo.num_cases={options.cases}", f"world={options.world}"]
@@ -336,4 +337,4 @@ def print_flight(experiment: Experiment, controller: Controller, case: int, pict
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

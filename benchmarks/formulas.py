@@ -1,6 +1,6 @@
 """Change the formulas that fly, one at a time: the C that is translated from them must change alike.
 
-``NUMBA_DISABLE_JIT=1 python -m benchmarks.formulas --mutants 50`` changes an operator or number of a line
+``NUMBA_DISABLE_JIT=1 python -m benchmarks formulas --mutants 50`` changes an operator or number of a line
 that the C of a controller comes from, or drops a branch, until that many changes showed in a flight. For
 each, the changed Python flies, and the C that is translated from it must command the same, bit for bit.
 
@@ -314,14 +314,14 @@ def verdict(top: Path, mutant: dict[str, Any], words: Sequence[str], intact: Flo
     return SILENT if result.forces == intact.forces else SHOWN
 
 
-def main() -> int:
+def main(arguments: Sequence[str]) -> int:
     """Print a line for each change, and how many showed in flight and C alike."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.formulas", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks formulas", description=__doc__)
     parser.add_argument("--mutants", type=int, default=50)
     parser.add_argument("--without-a-branch", type=int, default=0, metavar="NUMBER")
     parser.add_argument("--at", default="", metavar="FILE:LINE", help="changes of this line alone")
     parser.add_argument("words", nargs="*", default=["controller=champion_27", "duration_s=1200"])
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     for library in LIBRARIES:
         importlib.import_module(library)
     counts: Counter[str] = Counter()
@@ -355,4 +355,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

@@ -1,8 +1,9 @@
 """Change one operator or number of the code at a time, and count the changes that the tests beside it notice.
 
-``NUMBA_DISABLE_JIT=1 python -m benchmarks.mutants pipeline/physics --write x.json`` prints a row for this
+``NUMBA_DISABLE_JIT=1 python -m benchmarks mutants pipeline/physics --write x.json`` prints a row for this
 folder, whose tests are in ``tests/pipeline/physics``. With ``--against mutants.json`` it makes the same
-changes again, each first against the test that noticed it before.
+changes again, each first against the test that noticed it before. With ``--slow`` a change that the fast
+tests do not notice meets the slow ones beside it, too.
 """
 
 import argparse
@@ -17,12 +18,15 @@ import resource
 import shutil
 import sys
 import tempfile
+from collections.abc import Sequence
 from importlib.util import cache_from_source
 from pathlib import Path
 from typing import Any
 
 #: processor seconds for each file of tests; a mutant that takes more is noticed
 LIMIT_S = 20
+#: which tests are run, as pytest's ``-m`` selects them, and how much longer the slow ones may take
+FAST, SLOW, SLOWER = "not slow", "slow", 6
 FORK = multiprocessing.get_context("fork")
 #: imported once, before the process divides for each mutant
 LIBRARIES = ("numpy", "scipy.integrate", "scipy.stats", "numba", "hypothesis", "pyarrow", "pydantic", "mcap")
@@ -83,27 +87,28 @@ class Noticed:
     pytest_collectreport = pytest_runtest_logreport
 
 
-def run_tests(top: Path, tests: list[str], queue: Any) -> None:
+def run_tests(top: Path, tests: list[str], marks: str, queue: Any) -> None:
     """Tell which test fails first; "" if none does."""
-    resource.setrlimit(resource.RLIMIT_CPU, (LIMIT_S * len(tests), LIMIT_S * len(tests)))
+    limit_s = LIMIT_S * len(tests) * (1 if marks == FAST else SLOWER)
+    resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
     os.chdir(top)
     sys.path.insert(0, str(top))
-    noticed, words = Noticed(), ["-x", "-q", "-n0", "--assert=plain", "-pno:cacheprovider", "-mnot slow"]
+    noticed, words = Noticed(), ["-x", "-q", "-n0", "--assert=plain", "-pno:cacheprovider", f"-m{marks}"]
     with open(os.devnull, "w") as out, contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
         code = importlib.import_module("pytest").main([*words, *tests], plugins=[noticed])
     queue.put(noticed.name or ("" if code in (0, 4, 5) else f"pytest ended with {code}"))
 
 
-def first_failure(top: Path, tests: list[str]) -> str:
+def first_failure(top: Path, tests: list[str], marks: str = FAST) -> str:
     """Return the first test that fails in a process of its own, "" if none does, or that it took too much."""
     queue = FORK.SimpleQueue()
-    child = FORK.Process(target=run_tests, args=(top, tests, queue))
+    child = FORK.Process(target=run_tests, args=(top, tests, marks, queue))
     child.start()
     child.join()
     return "time or memory" if queue.empty() else str(queue.get())
 
 
-def noticed_by(top: Path, mutant: dict[str, Any], tests: list[str]) -> str | None:
+def noticed_by(top: Path, mutant: dict[str, Any], tests: list[str], has_slow: bool) -> str | None:
     """Return what notices a mutant, or None if its line is no longer there."""
     path, start, end = top / mutant["path"], mutant["start"], mutant["end"]
     intact = path.read_text(encoding="utf-8") if path.exists() else ""
@@ -117,7 +122,8 @@ def noticed_by(top: Path, mutant: dict[str, Any], tests: list[str]) -> str | Non
     before = mutant.get("noticed", "").partition("[")[0]
     known = [before] if (top / before.partition("::")[0]).is_file() else []
     try:
-        return (known and first_failure(top, known)) or first_failure(top, tests)
+        by_fast = (known and first_failure(top, known)) or first_failure(top, tests)
+        return by_fast or (first_failure(top, tests, SLOW) if has_slow else "")
     finally:
         path.write_text(intact, encoding="utf-8")
         Path(cache_from_source(str(path))).unlink(missing_ok=True)
@@ -131,18 +137,22 @@ def beside(top: Path, folder: str, path: str) -> list[str]:
     return [name for _, name in sorted(named)]
 
 
-def main() -> int:
+def main(arguments: Sequence[str]) -> int:
     """Make the mutants of an area, or those of a file again, and print how many are noticed."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.mutants", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks mutants", description=__doc__)
     parser.add_argument("sources", help="a folder, such as telemetry/file")
     parser.add_argument("--number", type=int, default=50)
+    parser.add_argument("--seed", type=int, default=1, help="of the changes")
+    parser.add_argument(
+        "--slow", action="store_true", help="run slow tests, too, where fast ones notice nothing"
+    )
     parser.add_argument("--write", type=Path, help="a file for the mutants and what noticed them")
     parser.add_argument("--against", type=Path, help="a file of mutants to make again")
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     for library in LIBRARIES:
         importlib.import_module(library)
     with tempfile.TemporaryDirectory(prefix="mutants-") as scratch:
-        top, draw = Path(scratch) / "copy", random.Random(1)  # noqa: S311 - the same each time
+        top, draw = Path(scratch) / "copy", random.Random(options.seed)  # noqa: S311 - the same each time
         shutil.copytree(Path.cwd(), top, ignore=shutil.ignore_patterns(".git", "build", "__pycache__"))
         files = sorted((top / options.sources).rglob("*.py"))
         every = [
@@ -154,7 +164,8 @@ def main() -> int:
         if failed := first_failure(top, beside(top, options.sources, "")):
             parser.error(f"{failed} fails without a mutant")
         for mutant in mutants:
-            mutant["noticed"] = noticed_by(top, mutant, beside(top, options.sources, mutant["path"]))
+            tests = beside(top, options.sources, mutant["path"])
+            mutant["noticed"] = noticed_by(top, mutant, tests, options.slow)
             line = f"{mutant['path']}: {mutant['line'].strip()} -> {mutant['new']}: {mutant['noticed']}"
             print(line, file=sys.stderr, flush=True)
     results = [bool(mutant["noticed"]) for mutant in mutants if mutant["noticed"] is not None]
@@ -165,4 +176,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

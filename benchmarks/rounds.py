@@ -1,9 +1,11 @@
-"""The gain of each round of a training: ``python -m benchmarks.rounds RUN_FOLDER`` flies its champions.
+"""The gain of each round of a training: ``python -m benchmarks rounds RUN_FOLDER`` flies its champions.
 
 With ``--generations 25 50`` it flies those of these generations of the first round.
 """
 
 import argparse
+import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,15 +21,15 @@ from pipeline.settings.schema import experiment_from
 from pipeline.training.genome import genome_of
 
 
-def main() -> None:
+def main(arguments: Sequence[str]) -> None:
     """Print a Markdown table with one row per round and Sun."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.rounds", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks rounds", description=__doc__)
     parser.add_argument("folder", type=Path, help="of a run with the stage train")
     parser.add_argument(
         "--seed", type=int, default=777, help="of the starts; choose one that no training used"
     )
     parser.add_argument("--generations", type=int, nargs="+", help="of the first round, not all rounds")
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     experiment = experiment_from(configuration.read(options.folder))
     history = tables.read_parquet(options.folder, artifacts.HISTORY)
     template = source.load(experiment.controller, experiment.mission)
@@ -55,4 +57,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

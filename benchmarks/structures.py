@@ -1,4 +1,4 @@
-"""The value of signals and rules: ``python -m benchmarks.structures FOLDER`` trains variants alike.
+"""The value of signals and rules: ``python -m benchmarks structures FOLDER`` trains variants alike.
 
 Each variant of ``controller=ellipse`` is searched by ``+experiment=train_planes`` with the same seed and
 starts, and flown from 1,000 starts not used in the search. Runs go to FOLDER, a table to the terminal.
@@ -136,14 +136,14 @@ def search(name: str, folder: Path, rounds: int, sun: str) -> None:
     subprocess.run(command, check=True)  # noqa: S603 - our own command line
 
 
-def main() -> None:
+def main(arguments: Sequence[str]) -> None:
     """Search the requested variants, all by default, and print their results."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.structures", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks structures", description=__doc__)
     parser.add_argument("folder", type=Path, help="for the runs")
     parser.add_argument("names", nargs="*", default=list(VARIANTS), metavar="NAME", help=", ".join(VARIANTS))
     parser.add_argument("--rounds", type=int, default=16, help="of the search, 10 generations each")
     parser.add_argument("--sun", choices=("fixed", "random"), default="random", help="random unless told")
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     for name in options.names:
         if not (options.folder / name / "evaluate" / "summary.json").exists():
             search(name, options.folder, options.rounds, options.sun)
@@ -161,4 +161,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])
