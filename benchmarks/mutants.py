@@ -18,15 +18,16 @@ import resource
 import shutil
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib.util import cache_from_source
 from pathlib import Path
 from typing import Any
 
 #: processor seconds for each file of tests; a mutant that takes more is noticed
 LIMIT_S = 20
-#: which tests are run, as pytest's ``-m`` selects them, and how much longer the slow ones may take
-FAST, SLOW, SLOWER = "not slow", "slow", 6
+#: which tests are run, and how much longer the slow ones may take
+FAST, SLOW, SLOWER = "-mnot slow", "-mslow", 6
+TOO_MUCH = "time or memory"
 FORK = multiprocessing.get_context("fork")
 #: imported once, before the process divides for each mutant
 LIBRARIES = ("numpy", "scipy.integrate", "scipy.stats", "numba", "hypothesis", "pyarrow", "pydantic", "mcap")
@@ -87,46 +88,67 @@ class Noticed:
     pytest_collectreport = pytest_runtest_logreport
 
 
-def run_tests(top: Path, tests: list[str], marks: str, queue: Any) -> None:
+def run_tests(top: Path, tests: list[str], words: list[str], queue: Any) -> None:
     """Tell which test fails first; "" if none does."""
-    limit_s = LIMIT_S * len(tests) * (1 if marks == FAST else SLOWER)
+    limit_s = LIMIT_S * len(tests) * (SLOWER if SLOW in words else 1)
     resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
     os.chdir(top)
     sys.path.insert(0, str(top))
-    noticed, words = Noticed(), ["-x", "-q", "-n0", "--assert=plain", "-pno:cacheprovider", f"-m{marks}"]
+    noticed, words = Noticed(), ["-x", "-q", "-n0", "--assert=plain", "-pno:cacheprovider", *words]
     with open(os.devnull, "w") as out, contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
         code = importlib.import_module("pytest").main([*words, *tests], plugins=[noticed])
     queue.put(noticed.name or ("" if code in (0, 4, 5) else f"pytest ended with {code}"))
 
 
-def first_failure(top: Path, tests: list[str], marks: str = FAST) -> str:
+def first_failure(top: Path, tests: list[str], words: Sequence[str] = (FAST,)) -> str:
     """Return the first test that fails in a process of its own, "" if none does, or that it took too much."""
     queue = FORK.SimpleQueue()
-    child = FORK.Process(target=run_tests, args=(top, tests, marks, queue))
+    child = FORK.Process(target=run_tests, args=(top, tests, [*words], queue))
     child.start()
     child.join()
-    return "time or memory" if queue.empty() else str(queue.get())
+    return TOO_MUCH if queue.empty() else str(queue.get())
 
 
-def noticed_by(top: Path, mutant: dict[str, Any], tests: list[str], has_slow: bool) -> str | None:
-    """Return what notices a mutant, or None if its line is no longer there."""
+@contextlib.contextmanager
+def written(path: Path, text: str) -> Iterator[None]:
+    """Give a file of the copy another text, and no bytecode of the text before it."""
+    intact = path.read_text(encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
+    Path(cache_from_source(str(path))).unlink(missing_ok=True)
+    try:
+        yield
+    finally:
+        path.write_text(intact, encoding="utf-8")
+        Path(cache_from_source(str(path))).unlink(missing_ok=True)
+
+
+def noticed_by(top: Path, mutant: dict[str, Any], tests: list[str], speeds: Sequence[str]) -> str | None:
+    """Return what notices a mutant, or None if its line is no longer there.
+
+    A test that fails on the intact code, too, as one that a busy machine makes wait in vain, notices nothing.
+    """
     path, start, end = top / mutant["path"], mutant["start"], mutant["end"]
-    intact = path.read_text(encoding="utf-8") if path.exists() else ""
-    lines = intact.split("\n")
+    lines = path.read_text(encoding="utf-8").split("\n") if path.exists() else []
     numbers = [number for number, line in enumerate(lines) if line == mutant["line"]][mutant["nth"] :]
     if not numbers:
         return None
     lines[numbers[0]] = mutant["line"][:start] + mutant["new"] + mutant["line"][end:]
-    path.write_text("\n".join(lines), encoding="utf-8")
-    Path(cache_from_source(str(path))).unlink(missing_ok=True)
     before = mutant.get("noticed", "").partition("[")[0]
     known = [before] if (top / before.partition("::")[0]).is_file() else []
-    try:
-        by_fast = (known and first_failure(top, known)) or first_failure(top, tests)
-        return by_fast or (first_failure(top, tests, SLOW) if has_slow else "")
-    finally:
-        path.write_text(intact, encoding="utf-8")
-        Path(cache_from_source(str(path))).unlink(missing_ok=True)
+    tries = [(each, speed) for speed in speeds for each in (known, tests) if each]
+    passed_over: list[str] = []
+    while tries:
+        each, speed = tries[0]
+        words = (speed, *(f"--deselect={name}" for name in passed_over))
+        with written(path, "\n".join(lines)):
+            name = first_failure(top, each, words)
+        if not name:
+            tries.pop(0)
+        elif "::" not in name or not first_failure(top, [name], (speed,)):
+            return name
+        else:
+            passed_over.append(name)
+    return ""
 
 
 def beside(top: Path, folder: str, path: str) -> list[str]:
@@ -165,7 +187,7 @@ def main(arguments: Sequence[str]) -> int:
             parser.error(f"{failed} fails without a mutant")
         for mutant in mutants:
             tests = beside(top, options.sources, mutant["path"])
-            mutant["noticed"] = noticed_by(top, mutant, tests, options.slow)
+            mutant["noticed"] = noticed_by(top, mutant, tests, (FAST, SLOW) if options.slow else (FAST,))
             line = f"{mutant['path']}: {mutant['line'].strip()} -> {mutant['new']}: {mutant['noticed']}"
             print(line, file=sys.stderr, flush=True)
     results = [bool(mutant["noticed"]) for mutant in mutants if mutant["noticed"] is not None]
