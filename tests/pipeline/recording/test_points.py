@@ -18,8 +18,8 @@ from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.fly.tours import following, tour_names
 from pipeline.flight.reference.see_push import KS2, sought_looks
 from pipeline.flight.reference.tour import tour_push
-from pipeline.flight.reference.urgency import turned_aside, urgency
-from pipeline.flight.state.log import FlightLog
+from pipeline.flight.reference.urgency import turned_aside, urgency, urgent_direction
+from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.world.pack import pack_world
 from pipeline.recording.foresight import decision_at
 from pipeline.recording.points import parts_of_points, sensed_of_points
@@ -49,9 +49,9 @@ OF_POINTS = {
 TARGETING = controller((leaning_system("force_x", 0.02, ("target_radial", "", 1.0)),), "hill")
 
 
-def flown(what: Mission, flying: Controller, start: int = 0) -> tuple[FlightLog, Controller]:
+def flown(what: Mission, flying: Controller, begin: Scenario = STARTS[0]) -> tuple[FlightLog, Controller]:
     """A flight's log, and the controller with the tours that it followed."""
-    log = fly_logged(what, flying, STARTS[start])
+    log = fly_logged(what, flying, begin)
     if len(log.tour_costs_m_s) == 0:
         return log, flying
     return log, following(flying, what, log.tour_costs_m_s.argmin(axis=1).tolist())
@@ -108,6 +108,38 @@ def test_leaning_towards_points_is_what_they_add_to_the_push_onto_the_tour(world
             np.testing.assert_allclose(alone + added, sensed[row], rtol=0, atol=1e-9)
             num_checked += 1
     assert num_checked > 5
+
+
+@pytest.mark.parametrize(("share", "elevation"), [(1.0, 0.5), (0.3, 0.5), (0.3, -0.9), (1.0, -0.9)])
+def test_near_the_chief_what_points_add_is_turned_outwards_as_the_whole_push_is(
+    share: float, elevation: float
+) -> None:
+    """All the way within the skirt, and the Sun above the orbit: ``v - 2 s (v.r) r`` where it leads in."""
+    what, skirt, shipped = WORLDS["the paper's"], 300.0, serialize.load(SHIPPED["champion_leo"])
+    attributes = {**dict(shipped.attributes), "skirt_distance_m": str(skirt)}
+    flying = from_fuzzy(replace(shipped, attributes=tuple(attributes.items())))
+    begin = replace(STARTS[0], position_m=share * STARTS[0].position_m, sun_elevation_rad=elevation)
+    log, flying = flown(what, flying, begin)
+    samples = np.flatnonzero(log.is_decided)
+    parts = parts_of_points(pack_world(what), flying, log, samples)
+    flight = reference_of(what, flying, begin)
+    flight.__dict__["suns"] = list(zip(log.sun_angle_rad, log.sun_elevation_rad, strict=True))
+    num_turned = 0
+    for row, k in enumerate(samples):
+        state, constants = np.hstack((log.position_m[k], log.velocity_m_s[k])), flight.constants
+        distance = np.linalg.norm(state[:3])
+        outward = state[:3] / distance
+        constants["skirt_distance_m"] = skirt
+        urgent = urgent_direction(flight, k, state[:3], log.is_candidate[k])
+        constants["skirt_distance_m"] = 0.0
+        whole, alone = (tour_push(flight, k, state, lean) for lean in (urgent, np.zeros(3)))
+        turn, nearness = np.eye(3), min(1.0, (skirt - distance) / (skirt - what.deputy.min_distance_m))
+        if whole @ outward < 0.0:
+            turn, num_turned = turn - 2.0 * nearness * np.outer(outward, outward), num_turned + 1
+        np.testing.assert_allclose(turn @ whole, log.fis_input[k, :3, 0], rtol=0, atol=1e-9)
+        added = [parts[f"tour_push_{axis}"][row].sum() for axis in ("radial", "along_track", "cross_track")]
+        np.testing.assert_allclose(added, turn @ (whole - alone), rtol=0, atol=1e-9)
+    assert num_turned
 
 
 @pytest.mark.parametrize("world", ["the paper's", "low orbit"])

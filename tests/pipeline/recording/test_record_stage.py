@@ -1,6 +1,7 @@
 """Which flights the stage records, under which names, and that they are the evaluation's own."""
 
 import math
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -110,6 +111,19 @@ def test_recorded_flights_repeat_the_evaluation_exactly(finished):
     assert counts == sorted(counts)
     assert counts[0] == episodes["inspected_count"].min()
     assert counts[2] == episodes["inspected_count"].max()
+
+
+@pytest.mark.parametrize(("column", "change"), [("inspected_count", 1), ("delta_v_m_s", 1e-8)])
+def test_a_flight_that_is_no_longer_the_evaluations_is_not_recorded(column, change, tmp_path, finished):
+    folder, run = shutil.copytree(finished, tmp_path / "run"), evaluated()
+    episodes = tables.read_parquet(folder, artifacts.EPISODES)
+    tables.write_parquet(folder / artifacts.EPISODES, episodes | {column: episodes[column] + change})
+    with pytest.raises(ArtifactError, match="has changed since: repeat the stage evaluate"):
+        record.run(run.experiment, folder)
+    # another processor rounds the last digits differently
+    rounded = {"delta_v_m_s": episodes["delta_v_m_s"] * (1.0 + 1e-12)}
+    tables.write_parquet(folder / artifacts.EPISODES, episodes | rounded)
+    record.run(run.experiment, folder)
 
 
 @pytest.mark.parametrize(("words", "index"), [((), 0), (("starts.redraw=true", "optimizer.rounds=4"), 1)])
