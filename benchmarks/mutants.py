@@ -31,6 +31,8 @@ TOO_MUCH = "time or memory"
 FORK = multiprocessing.get_context("fork")
 #: imported once, before the process divides for each mutant
 LIBRARIES = ("numpy", "scipy.integrate", "scipy.stats", "numba", "hypothesis", "pyarrow", "pydantic", "mcap")
+#: imported from the copy alone
+PRODUCT = ("fis_tools", "pipeline", "plain_files", "telemetry")
 #: what may stand in the place of an operator
 OTHERS = {
     **{"Lt": "LtE GtE", "LtE": "Lt Gt", "Gt": "GtE LtE", "GtE": "Gt Lt", "Eq": "NotEq", "NotEq": "Eq"},
@@ -174,6 +176,8 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--write", type=Path, help="a file for the mutants and what noticed them")
     parser.add_argument("--against", type=Path, help="a file of mutants to make again")
     options = parser.parse_args(arguments)
+    if imported := {name.partition(".")[0] for name in sys.modules} & {*PRODUCT}:
+        parser.error(f"{', '.join(sorted(imported))} is imported already, and tests would run it unchanged")
     for library in LIBRARIES:
         importlib.import_module(library)
     with tempfile.TemporaryDirectory(prefix="mutants-") as scratch:
