@@ -128,6 +128,18 @@ def test_small_samples_show_each_value_and_large_ones_are_counted():
     assert [ax.get_xlabel() for ax in rows[1]] == list(METRICS.values())
 
 
+def test_equal_values_stand_on_one_another():
+    values = np.array([1.0, 2.0, 1.0, 3.0, 1.0, 2.0])
+    ax = distributions([Sample("few", values_of(6, values), {})], 99).axes[0]
+    (dots,) = [line for line in ax.lines if line.get_marker() == "o"]
+    heights = np.asarray(dots.get_ydata())
+    step = heights[2] - heights[0]
+    assert step > 0.0
+    np.testing.assert_allclose(heights, heights[0] + step * np.array([0, 0, 1, 0, 2, 1]))
+    assert ax.get_ylim()[0] < heights.min()
+    assert heights.max() < ax.get_ylim()[1]
+
+
 def test_what_stands_far_apart_is_counted_beside_the_histogram():
     many = np.append(np.random.default_rng(4).normal(1.5, 0.2, 500), [40.0, 50.0])
     ax = distributions([Sample("many", values_of(502, many), {})], 99).axes[0]

@@ -150,6 +150,8 @@ def test_a_case_opens_with_all_deputies_as_they_flew(opened, made, text, deputie
     recorded = {path.stem: path for path in (folder / artifacts.RECORDINGS).glob("*.mcap")}
     rows = page.evaluate("() => [...player.cases.numbers.keys()].filter(row => player.sides[0].canOpen(row))")
     assert len(rows) > 2
+    # the worst, the median and the best, as they are recorded
+    assert {int(stem.split("-")[2]) for stem in recorded if "-case-" in stem} <= set(rows)
     compared = 0
     for row in rows:
         sides = page.evaluate(AT, [row, 40])

@@ -402,3 +402,7 @@ def test_training_flights_start_where_the_last_round_did(tmp_path):
     np.testing.assert_array_equal(contents.shown[0].scenario.position_m, expected[0].position_m)
     xs = [scenario.position_m[0] for scenario in expected]
     np.testing.assert_array_equal(contents.training.episodes["position_x_m"], xs)
+    # with one set of starts for all rounds, none is named
+    kept = gather(run_of(tmp_path, ("scenario",), *overrides, "starts.redraw=false"), tmp_path)
+    assert kept.training_round is None
+    assert kept.shown[0].title == "Training case 0"
