@@ -18,7 +18,7 @@ from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.flight.control.controller import coast
 from pipeline.optimum.solved import solved_for
 from pipeline.report import comparisons
-from pipeline.report.figures.comparison import ENDS, MARKS, ControllerMark, by_world, compared
+from pipeline.report.figures.comparison import ENDS, LEAST_MISSED, MARKS, ControllerMark, by_world, compared
 from pipeline.report.figures.comparison import beside_optimum as drawn_beside
 from pipeline.report.figures.style import PAPER, style
 from pipeline.run import artifacts, tables
@@ -139,6 +139,13 @@ def test_controllers_are_told_apart_without_colours():
     for mark in marks:
         (delta_v,), (missed,) = named[mark.name].get_data()
         assert (delta_v, missed) == (mark.delta_v[0], 100.0 - mark.rate[0])
+    # the intervals around them: delta-v from none on, points missed from the least that is drawn to all
+    drawn = {tuple(map(tuple, np.round(line.get_data(), 9))) for line in figure.axes[0].lines}
+    for (fuel, across), (rate, up) in ((mark.delta_v, mark.rate) for mark in marks):
+        missed = 100.0 - rate
+        assert (tuple(np.round([max(fuel - across, 0.0), fuel + across], 9)), (missed, missed)) in drawn
+        ends = [max(missed - up, LEAST_MISSED), min(missed + up, 100.0)]
+        assert ((np.round(fuel, 9),) * 2, tuple(np.round(ends, 9))) in drawn
 
 
 def test_words_stand_out_from_the_squares_of_worlds():
@@ -151,6 +158,7 @@ def test_words_stand_out_from_the_squares_of_worlds():
     (ax,) = by_world(rows).axes
     for text, square in zip(ax.texts, ax.patches, strict=True):
         assert contrast(text.get_color(), square.get_facecolor()[:3]) >= 4.5
+        assert all(ax.viewLim.contains(*corner) for corner in square.get_corners())
 
 
 @pytest.mark.parametrize(
