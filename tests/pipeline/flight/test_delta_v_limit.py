@@ -18,6 +18,7 @@ from pipeline.flight.state.log import DELTA_V
 from pipeline.flight.world.pack import pack_world
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import SettingError
+from tests import night
 from tests.pipeline.flight.as_written import assert_as_written
 from tests.pipeline.flight.cases import isotropic
 from tests.pipeline.flight.guarded import (
@@ -61,7 +62,7 @@ def starts():
 
 
 @pytest.mark.parametrize("mission", MISSIONS)
-@pytest.mark.parametrize("name", HOSTILE)
+@pytest.mark.parametrize("name", night.by_day([*HOSTILE], 2))
 def test_whatever_is_asked_for_no_flight_spends_more_and_each_ends_on_an_ellipse(name, mission):
     what, controller = MISSIONS[mission], HOSTILE[name]
     outcomes = fly_all(what, controller, starts(), 1)

@@ -30,6 +30,7 @@ from pipeline.physics.motion import state_transition
 from pipeline.proof.verdict import NotProvable, system_of
 from pipeline.settings.mission import TwoBody
 from pipeline.settings.orbit import OrbitSettings
+from tests import night
 from tests.fis_tools.sample_controllers import SHIPPED
 from tests.pipeline.evaluation.propagated import Orbit, about_the_earth
 from tests.pipeline.flight.as_written import assert_as_written
@@ -139,6 +140,7 @@ def test_a_plan_costs_what_the_reference_says(changes, after):
         assert 0 < outlook.required < needed < is_left.sum()
 
 
+@pytest.mark.skipif(not night.IS_WHOLE, reason="half a minute for numba, for this alone: each night")
 def test_what_a_safety_layer_passes_on_in_parts_counts_as_of_thrusters_so_weak():
     controller = foreseeing(foresight_passive_s="5677.0")
     layered = compose_experiment(["+experiment=evaluate", "world=leo", "safety=robust"]).experiment.mission
