@@ -2,7 +2,8 @@
 
 The players of the game are the rules that fire at `fis_tools.analysis.arrays.FIRED` or more; if none does,
 the strongest. A coalition is worth what the system answers where only its rules fire, and those too weak to
-play; the empty one is worth the output's default. So a rule at the edge of its terms has no share, though
+play; the empty one is worth the output's default. What a formula concludes from other outputs is taken as it
+is with all rules. So a rule at the edge of its terms has no share, though
 alone it would lead to the middle of its consequent however weakly it fired.
 
 Rules that cut terms of their own, which no others cut, are a block; the ways of the
@@ -15,6 +16,7 @@ independently: G. Owen, Multilinear extensions of games, Management Science 18 (
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import lru_cache, partial
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -28,11 +30,11 @@ from fis_tools.array_types import Booleans, Floats, Integers
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import width_of
 from fis_tools.engines.codes import UNBOUNDED_SUM
-from fis_tools.engines.compiler import CompiledSystem
+from fis_tools.engines.compiler import CompiledSystem, compile
 from fis_tools.engines.kernel import conclude, make_scratch
 from fis_tools.engines.packing import Packed
 from fis_tools.engines.program import IntervalOutput, Weighing
-from fis_tools.model import FuzzySystem
+from fis_tools.model import FuzzySystem, Rule
 from fis_tools.model.operators import ACCUMULATIONS
 
 #: From samples, (g,), rules, (g, k), and subsets of these rules, (s, k), to outputs, (g, s).
@@ -76,19 +78,43 @@ def _by_program(
 
     Of interval type-2 systems `firing` has the lower strengths of all rules, then the upper ones.
     """
-    count = plays.shape[1]
+    num_rules, asks = plays.shape[1], compiled.program.asks_for_inputs
+    inferring, may_leave, always = compiled, [*range(num_rules)], list[int]()
+    if asks and len(compiled.system.outputs) > 1:
+        system, may_leave, always = _apart(compiled.system, output)
+        inferring = compile(system)
+    columns = np.zeros(num_rules, np.int64)
+    columns[may_leave] = np.arange(len(may_leave))
+    strengths = firing.reshape(len(firing), -1, num_rules)
+    silent = np.where(plays[:, np.newaxis], 0.0, strengths)
+    left = np.concatenate((silent[:, :, may_leave], strengths[:, :, always]), axis=2)
 
     def concluding(samples: Integers, rules: Integers, members: Booleans) -> Floats:
         """Return the outputs, (samples, subsets), of subsets of rules, see `Concluding`."""
-        left = np.where(np.tile(plays[samples], firing.shape[1] // count), 0.0, firing[samples])
-        rows = np.repeat(left[:, np.newaxis], len(members), axis=1)
-        for first in range(0, firing.shape[1], count):
-            strengths = firing[samples[:, np.newaxis], first + rules]
-            np.put_along_axis(rows, first + rules[:, np.newaxis], members * strengths[:, np.newaxis], axis=2)
-        given = np.repeat(inputs[samples], len(members), axis=0) if compiled.program.asks_for_inputs else None
-        return compiled.conclude(rows.reshape(-1, rows.shape[2]), given)[:, output].reshape(rows.shape[:2])
+        rows = np.repeat(left[samples, np.newaxis], len(members), axis=1)
+        for half in range(rows.shape[2]):
+            joined = members * strengths[samples[:, np.newaxis], half, rules][:, np.newaxis]
+            np.put_along_axis(rows[:, :, half], columns[rules][:, np.newaxis], joined, axis=2)
+        given = np.repeat(inputs[samples], len(members), axis=0) if asks else None
+        concluded = inferring.conclude(rows.reshape(len(samples) * len(members), -1), given)
+        return concluded[:, output].reshape(rows.shape[:2])
 
     return concluding
+
+
+def _apart(system: FuzzySystem, output: int) -> tuple[FuzzySystem, list[int], list[int]]:
+    """Return a system whose rules conclude on an output or on others, and from which rules these come.
+
+    The rules on the output come first. So they can be silent there alone, where formulas ask for the others.
+    """
+    name, rules, sources = system.outputs[output].name, list[Rule](), (list[int](), list[int]())
+    for is_other, come in enumerate(sources):
+        for index, rule in enumerate(system.rules):
+            kept = tuple(each for each in rule.consequents if (each.variable != name) == is_other)
+            if kept:
+                rules.append(replace(rule, consequents=kept))
+                come.append(index)
+    return replace(system, rules=tuple(rules)), *sources
 
 
 @compiled(nogil=True, error_model="numpy")
