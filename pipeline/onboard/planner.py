@@ -51,7 +51,7 @@ STRETCH = 30
 #: limits of plans that depend on how far the estimate may be off, as `aboard.note_limits` writes them
 NEAREST, FARTHEST, LONGEST_WAY, SIGHT, MAX_RANGE = range(5)
 #: of how many plans a part of a generation has at most: what a call tries at least
-MOST_TRIED = 8
+MOST_TRIED = 4
 #: the state that an outlook's tables are read with: any will do
 ANYWHERE = Scenario(np.array([30.0, 0.0, 0.0]), np.zeros(3), 0.0, 0.0)
 
