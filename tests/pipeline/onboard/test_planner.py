@@ -24,9 +24,9 @@ from pipeline.flight.world.pack import pack_world
 from pipeline.onboard.allowed import NotTranslatableError
 from pipeline.onboard.export import export, joined
 from pipeline.onboard.messages import FIELD_BITS, MODES, START_BITS
-from pipeline.onboard.planner import MOST_TRIED, num_tried
 from pipeline.onboard.program import translate
 from pipeline.onboard.recorded import OUTPUT, Library, differing, recorded
+from pipeline.onboard.search import MOST_TRIED, num_tried
 from pipeline.onboard.source import sources
 from pipeline.settings.mission import TwoBody
 from pipeline.settings.orbit import OrbitSettings
