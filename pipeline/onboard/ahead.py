@@ -11,6 +11,7 @@ from pipeline.flight.fly.many import note_after
 from pipeline.flight.period import steps
 from pipeline.flight.period.decide.urgency import note_deadlines
 from pipeline.flight.state.arrays import FullOptics, Law, Moment, World
+from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.signals import SETTING, URGENCY
 from pipeline.onboard.allowed import NotTranslatableError
 from pipeline.onboard.translator import Translator
@@ -40,7 +41,13 @@ def _is_same(world: World, other: World) -> bool:
 
 
 def write_flight(
-    translator: Translator, now: Moment, work: Any, optics: FullOptics | None, law: Law, known: World
+    translator: Translator,
+    now: Moment,
+    work: Any,
+    optics: FullOptics | None,
+    law: Law,
+    known: World,
+    errors: ModelErrors | None,
 ) -> bool:
     """Write how a flight ahead looks and moves: it decides and keeps safe as the deputy does.
 
@@ -50,6 +57,8 @@ def write_flight(
         As `decide` was written with.
     known : World
         As the deputy knows it, with its safety layer.
+    errors : ModelErrors or None
+        By which it takes motion to differ from that of a circle: that along the chief's true course.
 
     Returns
     -------
@@ -77,7 +86,7 @@ def write_flight(
     parts = {"clusters": None, "errors": None, "plans": law.plans}
     looked = {"now": looking, "work": work, "optics": optics, **parts}
     translator.write("see_ahead", steps.look, looked)
-    moved = {"now": moving, "work": work, "errors": None, "plans": law.plans}
+    moved = {"now": moving, "work": work, "errors": errors, "plans": law.plans}
     translator.write("move_ahead", steps.move_on, moved)
     if len(known.after) > 0:
         translator.write("note_after", note_after, {"now": now._replace(world=known, k=0)})

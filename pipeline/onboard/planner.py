@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import RuleController
 from pipeline.flight.control.law import ahead_stride
 from pipeline.flight.fly.drift import tail_stride
@@ -89,6 +90,8 @@ class PushPlanner:
     num_controls : int
         Control periods of a flight.
     has_tail : bool
+    follows_course : bool
+        Whether motion follows the chief's true course.
     functions : tuple of str
         Of the C, that the search alone calls.
     members : mapping of str to (shape, kind)
@@ -110,6 +113,7 @@ class PushPlanner:
     missed_of_required: int
     num_controls: int
     has_tail: bool
+    follows_course: bool
     functions: tuple[str, ...]
     members: Mapping[str, tuple[tuple[int, ...], str]] = field(default_factory=dict)
     again: Replanning | None = None
@@ -137,7 +141,7 @@ def ranges_of(mission: Mission, controller: RuleController) -> dict[str, tuple[i
     }
 
 
-def check(mission: Mission, known: Mission, controller: RuleController, num_rows: int) -> None:
+def check(mission: Mission, controller: RuleController) -> None:
     """Refuse a mission in which a flight with foresight is not what is translated.
 
     Raises
@@ -145,21 +149,10 @@ def check(mission: Mission, known: Mission, controller: RuleController, num_rows
     NotTranslatableError
         With the fact and the cure.
     """
-    name, cure = controller.name, "or add --bare: then its plan is an input"
     if mission.dispersions:
         raise NotTranslatableError(
-            f"{name!r} would plan with what is drawn for each flight, and C has one mission; leave "
-            f"dispersions out, {cure}"
-        )
-    if mission.has_true_course or known.dynamics.model != "cw":
-        raise NotTranslatableError(
-            f"{name!r} would plan along the chief's own orbit, whose tables are not exported yet; set "
-            f"orbit.course=uniform, {cure}"
-        )
-    if num_rows > 1:
-        raise NotTranslatableError(
-            f"{name!r} would plan about a chief that turns in Hill axes, whose tables are not exported yet; "
-            f"leave chief.initial_angular_velocity_rad_s out, {cure}"
+            f"{controller.name!r} would plan with what is drawn for each flight, and C has one mission; "
+            "leave dispersions out, or add --bare: then its plan is an input"
         )
 
 
@@ -181,7 +174,9 @@ def write_planner(
     constant_of, num_pushes = deputies.constant, deputies.num_pushes
     again, num_genes = None, 4 * num_pushes - 1
     if not deputies.is_certain:
-        is_own = write_flight(translator, now, work, optics, law, deputies.world)
+        cases = cases_of(deputies.known, list(deputies.believed))
+        errors = cases.model_errors(deputies.world.course)
+        is_own = write_flight(translator, now, work, optics, law, deputies.world, errors)
         again = _replanning(deputies, search, notes_deadlines=is_own)
     (first, *others), planned = first_searches(deputies.controller), constant_of("foresight_points")
     num_after = max(deputies.after_s, constant_of("foresight_passive_s"))
@@ -199,6 +194,7 @@ def write_planner(
         missed_of_required=num_missed(constant_of("coast_below_points")) if planned else -1,
         num_controls=deputies.world.num_controls,
         has_tail=search.has_tail,
+        follows_course=search.follows_course,
         functions=tuple(function.name for function in translator.functions[num_before:]),
         members={
             "plan_draws": ((8,), "unsigned int"),

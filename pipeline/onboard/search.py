@@ -170,14 +170,43 @@ class OnboardSearch:
     def _outlook(self, required: Any, samples: Any = None) -> Outlook:
         """Return an outlook from where a search begins, or with so many samples as are left of a plan."""
         tail: Any = self._tail if self.has_tail else self._known.tail
-        return self._known._replace(
+        outlook = self._known._replace(
             free=self._free if samples is None else replace(self._free, count=samples),
-            points=self._known.points[:1],
-            normals=self._known.normals[:1],
             is_lit=self._is_lit,
             required=required,
             tail=tail,
+            **self._surface,
         )
+        if not self.follows_course:
+            return outlook
+        sums: Any = self._from_now("sums", self._deputies.geometry.sums)
+        return outlook._replace(rows=self._course, sums=sums)
+
+    @property
+    def _surface(self) -> dict[str, Any]:
+        """The points and normals of an outlook; of a chief that turns, those of every sample."""
+        known, geometry = self._known, self._deputies.geometry
+        if len(self._deputies.world.points) == 1:
+            return {"points": known.points[:1], "normals": known.normals[:1]}
+        return {
+            name: self._at_samples(f"{name}_of_chief", data, len(known.free))
+            for name, data in (("points", geometry.points), ("normals", geometry.normals))
+        }
+
+    @property
+    def follows_course(self) -> bool:
+        """Whether motion follows the chief's true course."""
+        return self._deputies.has_course
+
+    @property
+    def _course(self) -> Any:
+        """What leads from constants of free motion along the chief's course to the samples of an outlook."""
+        return self._at_samples("course", self._deputies.geometry.rows, self._free.count)
+
+    def _at_samples(self, name: str, data: Floats, count: Any) -> Any:
+        """Return the rows of a table at the samples of an outlook."""
+        table = Strided(f"plan_{name}", data.shape, "double", data, count=count, stride=self._known.step)
+        return replace(table, begins=self._begins)
 
     @property
     def _tail(self) -> Tail:
@@ -254,16 +283,29 @@ class OnboardSearch:
             **{"step": self._known.step, "is_lit": self._is_lit},
         }
         counted = {name: self._number(name, *points) for name in ("num_left", "num_lit", "missed")}
-        motion = {"rows": self._deputies.drift, "state": self._state, "products": self._free}
-        drift = {"world": world, "state": self._state, "force": Three(*held)}
+        first = self._number("first", 0, world.num_controls - 1) if self.follows_course else 0
+        drift = {"world": world, "state": self._state, "force": Three(*held), "first": first}
         listed = {"points": self._pricing.points, "seen_at": self._pricing.seen_at}
         return {
             "predict": (aboard.predict, {**drift, "periods": self._number("periods", 0, world.num_controls)}),
-            "note_free_motion": (aboard.note_products, motion),
+            **self._of_motion(),
             "note_light": (aboard.note_light, light),
             "list_lit": (list_lit, {"is_lit": self._is_lit, **listed}),
             "num_needed": (aboard.num_needed, counted),
         }
+
+    def _of_motion(self) -> dict[str, Entry]:
+        """Return the functions that lead a state on without force, each with its arguments, by name."""
+        rows, state, entries = self._deputies.drift, self._state, dict[str, Entry]()
+        if self.follows_course:
+            back = self._from_now("back", self._deputies.geometry.back)
+            state = self._member("free_constants", 6)
+            to_constants = {"rows": replace(back, count=1), "state": self._state}
+            to_constants["products"] = replace(state, shape_whole=(1, 6))
+            entries["note_free_constants"] = aboard.note_products, to_constants
+            rows = self._course
+        motion = {"rows": rows, "state": state, "products": self._free}
+        return {**entries, "note_free_motion": (aboard.note_products, motion)}
 
     def of_plans(self) -> dict[str, Entry]:
         """Return the functions that search for plans and fire them, each with its arguments, by name."""
@@ -370,12 +412,21 @@ class OnboardSearch:
         }
         return {"note_constants": (aboard.note_constants, from_state)}
 
+    @property
+    def _spread(self) -> Any:
+        """What leads from a state where a plan begins to the position a time after it."""
+        mission, seconds = self._deputies.mission, self._deputies.constant("foresight_period_s")
+        if not self.follows_course:
+            return rows_of_spread(mission, 0, seconds)
+        rows = [rows_of_spread(mission, sample, seconds) for sample in range(mission.num_controls)]
+        return Array("plan_spread", (len(rows), 3, 6), "double", np.array(rows)).at(self._begins)
+
     def _limiting(self) -> dict[str, Any]:
         """Return what `aboard.note_limits` is given."""
         deputies, geometry = self._deputies, self._deputies.geometry
         return {
             "bounds": deputies.bounds,
-            "rows": rows_of_spread(deputies.mission, 0, deputies.constant("foresight_period_s")),
+            "rows": self._spread,
             "covariance": self._member("covariance", 36),
             "heights_of_points": geometry.heights,
             "sight": float(deputies.sights()[0][0]),
