@@ -34,17 +34,25 @@ from pipeline.settings.places import conf_folder
 
 #: settings whose other kinds bring functions of their own on board
 KINDS: Mapping[str, type[Guidance | Safety]] = {"guidance": Guidance, "safety": Safety}
+#: words of an orbit that is no circle
+ELLIPSE = (
+    *("dynamics=two_body", "light=shadow", "orbit=elements", "orbit.semi_major_axis_m=9615714"),
+    *("orbit.eccentricity=0.3", "orbit.true_anomaly_deg=290"),
+)
+#: and of a chief that tumbles
+TUMBLING = "chief=tumbling"
 #: missions that bring tables of their own: of what a chief's parts hide, and of an orbit that is no circle;
-#: in which what ships for another mission plans on board; and in which errors make plans anew
+#: in which what ships for another mission plans on board; in which errors make plans anew; and in which plans
+#: take tables of a chief's orbit and of its turn
 MISSIONS: tuple[tuple[str, ...], ...] = (
     ("champion_27", "sun=random", "chief=satellite"),
     ("champion_leo_rehearsed", "sun=random"),
     ("champion_leo_parked", "sun=random"),
     ("champion_27_rehearsed", "sun=random", "navigation=fixes", "actuators=real"),
-    (
-        *("champion_leo", "sun=random", "dynamics=two_body", "light=shadow", "orbit=elements"),
-        *("orbit.semi_major_axis_m=9615714", "orbit.eccentricity=0.3", "orbit.true_anomaly_deg=290"),
-    ),
+    ("champion_leo", "sun=random", *ELLIPSE),
+    ("champion_leo_rehearsed", "sun=random", *ELLIPSE),
+    ("champion_leo_rehearsed", "sun=random", *ELLIPSE, "navigation=fixes", "actuators=real"),
+    ("champion_27_rehearsed", "sun=random", TUMBLING),
 )
 #: compilers and levels of optimisation by which each flight is repeated
 COMPILERS, LEVELS = ("gcc", "clang"), ("-O0", "-O1", "-O2", "-O3")

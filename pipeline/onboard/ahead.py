@@ -3,61 +3,20 @@
 It is flown on the state that the control periods use, which is exchanged for its own between two calls.
 """
 
-from math import sqrt
 from typing import Any
 
 import numpy as np
 
-from fis_tools.compiled.decorator import compiled
 from pipeline.flight.fly.many import note_after
 from pipeline.flight.period import steps
 from pipeline.flight.period.decide.urgency import note_deadlines
 from pipeline.flight.state.arrays import FullOptics, Law, Moment, World
+from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.signals import SETTING, URGENCY
 from pipeline.onboard.allowed import NotTranslatableError
 from pipeline.onboard.translator import Translator
 from pipeline.onboard.values import Expression, leaves, map_leaves
-from pipeline.physics.quaternion import from_dcm
 
-#: components of a quaternion, scalar last
-Quaternion = tuple[float, float, float, float]
-
-
-@compiled(error_model="numpy")
-def quaternion_of(
-    xx: float, xy: float, xz: float, yx: float, yy: float, yz: float, zx: float, zy: float, zz: float
-) -> Quaternion:
-    """Return what `from_dcm` returns, from the numbers of a matrix: no index depends on them."""
-    trace = xx + yy + zz
-    x, y, z, w = 0.0, 0.0, 0.0, 0.0
-    if trace >= xx and trace >= yy and trace >= zz:
-        w = 0.5 * sqrt(1.0 + trace)
-        scale = 0.25 / w
-        x, y, z = (yz - zy) * scale, (zx - xz) * scale, (xy - yx) * scale
-    elif zz >= (yy if yy >= xx else xx):
-        z = 0.5 * sqrt(1.0 - trace + 2.0 * zz)
-        scale = 0.25 / z
-        x, y, w = (zx + xz) * scale, (zy + yz) * scale, (xy - yx) * scale
-    elif yy >= xx:
-        y = 0.5 * sqrt(1.0 - trace + 2.0 * yy)
-        scale = 0.25 / y
-        z, x, w = (yz + zy) * scale, (yx + xy) * scale, (zx - xz) * scale
-    else:
-        x = 0.5 * sqrt(1.0 - trace + 2.0 * xx)
-        scale = 0.25 / x
-        y, z, w = (xy + yx) * scale, (xz + zx) * scale, (yz - zy) * scale
-    size = sqrt(x * x + y * y + z * z + w * w)
-    return x / size, y / size, z / size, w / size
-
-
-def _quaternion(translator: Translator, dcm: Any) -> Any:
-    """Write the attitude of a matrix without an index that depends on it."""
-    entries = [translator.element(dcm, (row, column)) for row in range(3) for column in range(3)]
-    return translator.invoked(quaternion_of, entries, {})
-
-
-#: what is written in place of functions of the flight
-OPERATIONS = {from_dcm: _quaternion}
 #: members of the state that a flight carries on, and so does the flight ahead
 EXCHANGED = ("belief_position", "belief_velocity", "unseen", "num_unseen", "coasts", "parks")
 #: and what goes with them where the course of the chief turns the Sun otherwise than a deputy knows it
@@ -82,7 +41,13 @@ def _is_same(world: World, other: World) -> bool:
 
 
 def write_flight(
-    translator: Translator, now: Moment, work: Any, optics: FullOptics | None, law: Law, known: World
+    translator: Translator,
+    now: Moment,
+    work: Any,
+    optics: FullOptics | None,
+    law: Law,
+    known: World,
+    errors: ModelErrors | None,
 ) -> bool:
     """Write how a flight ahead looks and moves: it decides and keeps safe as the deputy does.
 
@@ -92,6 +57,8 @@ def write_flight(
         As `decide` was written with.
     known : World
         As the deputy knows it, with its safety layer.
+    errors : ModelErrors or None
+        By which it takes motion to differ from that of a circle: that along the chief's true course.
 
     Returns
     -------
@@ -118,9 +85,9 @@ def write_flight(
     looking, moving = Moment(begun, *now[1:4], until), now._replace(world=begun)
     parts = {"clusters": None, "errors": None, "plans": law.plans}
     looked = {"now": looking, "work": work, "optics": optics, **parts}
-    translator.write("see_ahead", steps.look, looked, OPERATIONS)
-    moved = {"now": moving, "work": work, "errors": None, "plans": law.plans}
-    translator.write("move_ahead", steps.move_on, moved, OPERATIONS)
+    translator.write("see_ahead", steps.look, looked)
+    moved = {"now": moving, "work": work, "errors": errors, "plans": law.plans}
+    translator.write("move_ahead", steps.move_on, moved)
     if len(known.after) > 0:
         translator.write("note_after", note_after, {"now": now._replace(world=known, k=0)})
     is_own = known.course.is_on != now.world.course.is_on and bool(law.needs & (URGENCY | SETTING))

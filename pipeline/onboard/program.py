@@ -317,7 +317,7 @@ def _planner(
 ) -> PushPlanner:
     """Write what plans the pushes of a controller with foresight."""
     known, (start,) = as_believed(mission, [ANYWHERE])
-    check(mission, known, controller, len(pack_world(mission).points))
+    check(mission, controller)
     known = replace(known, attitude=replace(mission.attitude, mode="ideal"))
     deputies = at_start(mission, known, controller, [start], 0, LANES)
     return write_planner(translator, deputies, now, work, optics, law)

@@ -238,7 +238,7 @@ def _helpers(lines: Sequence[Line]) -> Iterator[str]:
     text = read("templates/helpers.c", "pipeline.onboard")
     all_lines = "\n".join(line.text for line in lines)
     for part in re.split(r"\n\n(?=/\*|struct)", text.rstrip("\n")):
-        name = re.search(r"(?:double |struct )(\w+)", part)
+        name = re.search(r"(?:double |int |struct )(\w+)", part)
         if name and re.search(rf"\b{name[1]}\b", all_lines):
             yield from ("", *part.splitlines())
 

@@ -391,6 +391,15 @@ class Array:
         return value.item() if np.ndim(value) == 0 else None
 
 
+def within(index: Any, last: int) -> Any:
+    """Return an index that is not beyond the last one, for analysers too: they do not relate two numbers."""
+    span = range_of(index)
+    if not isinstance(index, Expression) or (span is not None and span[1] <= last):
+        return index
+    limited = None if span is None or span[0] < 0 else (min(span[0], last), last)
+    return Expression(f"at_most({bare(index.text)}, {last})", "int", range=limited)
+
+
 @dataclass(frozen=True, eq=False)
 class Begun(Array):
     """An array of which some rows are in use: as many as are counted on board, from one of the state's on."""
@@ -404,7 +413,7 @@ class Begun(Array):
         if self.indices or not part.indices:
             return part
         row, *others = part.indices
-        return replace(part, indices=(row + self.begins, *others))
+        return replace(part, indices=(within(row + self.begins, self.shape_whole[0] - 1), *others))
 
 
 @dataclass(frozen=True, eq=False)
@@ -421,14 +430,17 @@ class Strided(Begun):
 
 @dataclass(frozen=True)
 class Transpose:
-    """The transpose of an array: `at` returns a column of it."""
+    """The transpose of an array: `at` returns a column of it, or a number."""
 
     array: Array
     ndim: int = 2
     used: Sequence[str] = ()
 
     def at(self, writer: Any, index: Any) -> list[Any]:
-        """Return the numbers of a column."""
+        """Return the numbers of a column, or of two indices the number there."""
+        if isinstance(index, tuple):
+            row, column = index
+            return writer.element(self.array, (column, row))
         return [writer.element(self.array, (row, index)) for row in range(self.array.shape[0])]
 
 

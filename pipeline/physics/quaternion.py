@@ -85,28 +85,34 @@ def normalised(quaternion: Floats) -> Floats:
 
 
 @compiled
-def from_dcm(dcm: Floats) -> Floats:
+def from_dcm(dcm: Floats) -> tuple[float, float, float, float]:
     """Return the unit quaternion of a direction cosine matrix, in the sense of `dcm_b_from_h`.
 
     Its largest component is positive; among equal ones the last (Shepperd, Journal of Guidance and Control
     1(3), 1978).
     """
-    trace, q = dcm[0, 0] + dcm[1, 1] + dcm[2, 2], np.empty(4)
-    if trace >= dcm[0, 0] and trace >= dcm[1, 1] and trace >= dcm[2, 2]:
-        q[3] = 0.5 * sqrt(1.0 + trace)
-        scale = 0.25 / q[3]
-        for i in range(3):
-            j, k = (i + 1) % 3, (i + 2) % 3
-            q[i] = (dcm[j, k] - dcm[k, j]) * scale
+    xx, xy, xz = dcm[0]
+    yx, yy, yz = dcm[1]
+    zx, zy, zz = dcm[2]
+    trace, x, y, z, w = xx + yy + zz, 0.0, 0.0, 0.0, 0.0
+    if trace >= xx and trace >= yy and trace >= zz:
+        w = 0.5 * sqrt(1.0 + trace)
+        scale = 0.25 / w
+        x, y, z = (yz - zy) * scale, (zx - xz) * scale, (xy - yx) * scale
+    elif zz >= (yy if yy >= xx else xx):
+        z = 0.5 * sqrt(1.0 - trace + 2.0 * zz)
+        scale = 0.25 / z
+        x, y, w = (zx + xz) * scale, (zy + yz) * scale, (xy - yx) * scale
+    elif yy >= xx:
+        y = 0.5 * sqrt(1.0 - trace + 2.0 * yy)
+        scale = 0.25 / y
+        z, x, w = (yz + zy) * scale, (yx + xy) * scale, (zx - xz) * scale
     else:
-        i = 1 if dcm[1, 1] >= dcm[0, 0] else 0
-        i = 2 if dcm[2, 2] >= dcm[i, i] else i
-        j, k = (i + 1) % 3, (i + 2) % 3
-        q[i] = 0.5 * sqrt(1.0 - trace + 2.0 * dcm[i, i])
-        scale = 0.25 / q[i]
-        q[j], q[k] = (dcm[i, j] + dcm[j, i]) * scale, (dcm[i, k] + dcm[k, i]) * scale
-        q[3] = (dcm[j, k] - dcm[k, j]) * scale
-    return normalised(q)
+        x = 0.5 * sqrt(1.0 - trace + 2.0 * xx)
+        scale = 0.25 / x
+        y, z, w = (xy + yx) * scale, (xz + zx) * scale, (yz - zy) * scale
+    size = sqrt(x * x + y * y + z * z + w * w)
+    return x / size, y / size, z / size, w / size
 
 
 @compiled

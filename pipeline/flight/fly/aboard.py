@@ -21,6 +21,7 @@ from pipeline.flight.period.look.guidance import POINTS
 from pipeline.flight.period.look.optics import beam_from, lit_points, sun_after
 from pipeline.flight.state.arrays import FullOptics, World
 from pipeline.physics.motion import position_after, propagator_of, velocity_after
+from pipeline.physics.transitions import follows_course, state_after
 
 #: by how much plans see points beyond their horizons, and keep inside the limits besides what the rules keep:
 #: for what happens between two samples, m, and for what is not known, in standard deviations of the position
@@ -56,15 +57,19 @@ def note_products(rows: Floats, state: Floats, products: Floats) -> None:
 
 
 @compiled(error_model="numpy")
-def predict(world: World, state: Floats, force: Three, periods: int) -> None:
-    """Move a state (6,), m and m/s, by control periods; a force, N, is held over the first."""
-    step, held = propagator_of(world.motion, 0), force
-    for _ in range(min(periods, world.num_controls)):
+def predict(world: World, state: Floats, force: Three, first: int, periods: int) -> None:
+    """Move a state (6,), m and m/s, by control periods from the first on, over which a force, N, is held."""
+    step, course, held = propagator_of(world.motion, 0), world.transitions, force
+    for ahead in range(min(periods, world.num_controls)):
         position, velocity = Three(state[0], state[1], state[2]), Three(state[3], state[4], state[5])
-        moved, after = (
-            position_after(step, position, velocity, held),
-            velocity_after(step, position, velocity, held),
-        )
+        if follows_course(course):
+            period = min(first + ahead, world.num_controls - 1)
+            moved, after = state_after(course, period, position, velocity, held)
+        else:
+            moved, after = (
+                position_after(step, position, velocity, held),
+                velocity_after(step, position, velocity, held),
+            )
         state[0], state[1], state[2] = moved.x, moved.y, moved.z
         state[3], state[4], state[5] = after.x, after.y, after.z
         held = Three(0.0, 0.0, 0.0)

@@ -117,13 +117,17 @@ def _geometry(mission: Mission) -> Geometry:
 
 
 @lru_cache(maxsize=32)
-def _strided(mission: Mission, sample: int, step: int) -> Geometry:
-    """Return the geometry at every `step`-th sample from `sample` on, where motion begins."""
+def _strided(mission: Mission, sample: int, step: int, *, is_bare: bool = False) -> Geometry:
+    """Return the geometry at every `step`-th sample from `sample` on, where motion begins.
+
+    On board, sums along a true course are those since the start.
+    """
     geometry = _geometry(mission)
     ahead, after = slice(None, mission.num_controls + 1 - sample, step), slice(sample, None, step)
     if len(geometry.rows) > 0:
         rows = np.ascontiguousarray(geometry.rows[after])
-        sums = np.ascontiguousarray(geometry.sums[sample:] - geometry.sums[sample])
+        before = 0.0 if is_bare else geometry.sums[sample]
+        sums = np.ascontiguousarray(geometry.sums[sample:] - before)
         geometry = geometry._replace(rows=rows, sums=sums)
         drift = rows @ geometry.back[sample]
     else:
@@ -322,12 +326,12 @@ class Deputies:
     def _outlook(self, flight: int, sight: Floats) -> tuple[Outlook, int]:
         """Return the quantities that plans of a flight are priced by, and the points that one must see."""
         world, scenario, geometry = self.world, self.believed[flight], _geometry(self.known)
-        parts = _strided(self.known, self.sample, self.step)
+        parts = _strided(self.known, self.sample, self.step, is_bare=self.is_bare)
         is_lit, needed, required = self._points(flight)
         margin = plain(margin_of)(float(self.spreads_m[flight]))
         nearest, farthest, longest_way = plain(limits_of)(self.bounds, margin)
         outlook = Outlook(
-            free=self._product(parts.drift, np.r_[scenario.position_m, scenario.velocity_m_s]),
+            free=self._free(parts, np.r_[scenario.position_m, scenario.velocity_m_s]),
             gain=parts.gain,
             points=parts.points,
             normals=parts.normals,
@@ -350,6 +354,17 @@ class Deputies:
             tail=self._tail(flight),
         )
         return outlook, needed
+
+    def _free(self, parts: Geometry, state: Floats) -> Floats:
+        """Return positions from a state on without force, (S, 3), m; on board by constants of free motion."""
+        if not (self.is_bare and self.has_course):
+            return self._product(parts.drift, state)
+        return self._product(parts.rows, self._product(self.geometry.back[self.sample], state))
+
+    @property
+    def has_course(self) -> bool:
+        """Whether they know the chief's true course."""
+        return bool(follows_course(self.world.transitions))
 
     @property
     def drift(self) -> Floats:
@@ -478,7 +493,7 @@ def later(
     if lead:
         forces = _commanded(flown, mission, cases, openings, known_at, deputies.lanes)
         for row, force in zip(rows, forces, strict=True):
-            predict(deputies.world, row[:6], Three(*force.tolist()), lead)
+            predict(deputies.world, row[:6], Three(*force.tolist()), known_at, lead)
     believed = [
         replace(start, position_m=row[:3], velocity_m_s=row[3:6])
         for start, row in zip(scenarios, rows, strict=True)

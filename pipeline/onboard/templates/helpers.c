@@ -16,6 +16,12 @@ static double most(double a, double b)
     return (a > b) ? a : b;
 }
 
+/* An index, but not beyond the last one. */
+static int at_most(int index, int last)
+{
+    return (index < last) ? index : last;
+}
+
 /* The sum over eight lanes: the upper half is added to the lower one until one is left. */
 static double total(const double lanes[8])
 {

@@ -8,28 +8,7 @@ from pipeline.flight.fly.aboard import MARGIN_M, Confines, cost_ahead, limits_of
 from pipeline.flight.fly.outlooks import rows_of_spread, spread_after
 from pipeline.flight.fly.pushes import NUM_NEAR_DRAWS, gather
 from pipeline.flight.fly.rehearsals import OUTSIDE_M_S
-from pipeline.onboard.ahead import quaternion_of
-from pipeline.physics.quaternion import from_dcm
 from tests.pipeline.flight.cases import mission
-
-
-def rotations(count):
-    """Matrices from one frame to another, of either sense of each axis among them."""
-    generator = np.random.default_rng(5)
-    for _ in range(count):
-        matrix, _ = np.linalg.qr(generator.standard_normal((3, 3)))
-        yield matrix * np.sign(np.linalg.det(matrix))
-    for half_turn in ([1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0], [1.0, 1.0, 1.0]):
-        yield np.diag(half_turn)
-
-
-def test_an_attitude_has_the_bits_of_the_flight_from_any_matrix():
-    largest = set()
-    for matrix in rotations(200):
-        expected = plain(from_dcm)(matrix)
-        largest.add(int(np.abs(expected).argmax()))
-        np.testing.assert_array_equal(plain(quaternion_of)(*matrix.ravel().tolist()), expected)
-    assert largest == {0, 1, 2, 3}
 
 
 @pytest.mark.parametrize("seconds", [0.0, 300.0, 3000.0])

@@ -10,7 +10,7 @@ import pytest
 from fis_tools.compiled.decorator import compiled, plainly
 from pipeline.onboard.operations import OPERATIONS
 from pipeline.onboard.translator import Translator
-from pipeline.onboard.values import Array, Expression, TranslationError
+from pipeline.onboard.values import Array, Begun, Expression, TranslationError, range_of
 from pipeline.onboard.writer import Setting
 from tests.programs import program
 
@@ -142,3 +142,13 @@ def test_what_changes_an_array_is_called_when_python_calls_it(tmp_path):
         with plainly("tests"):
             ordered(by_python, x)
         assert list(by_c) == by_python.tolist()
+
+
+@pytest.mark.parametrize(("latest", "is_limited"), [(1, False), (2, True)])
+def test_no_row_beyond_a_table_is_read_wherever_its_rows_in_use_begin(latest, is_limited):
+    row, begins = (
+        Expression(name, "int", True, (0, most)) for name, most in (("row", 3), ("begins", latest))
+    )
+    part = Begun("table", (5, 2), data=np.zeros((5, 2)), count=4, begins=begins).at((row, 1))
+    assert range_of(part.indices[0]) == (0, 4)
+    assert ("at_most(" in part.indices[0].text) == is_limited
