@@ -54,6 +54,7 @@ from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.link import Link
 from pipeline.flight.state.log import Outcomes, Scenario, points_needed
 from pipeline.flight.state.signals import SETTING, URGENCY
+from pipeline.flight.world.bounds import bounds_of
 from pipeline.flight.world.pack import pack_world
 from pipeline.flight.world.surface import surface_of
 from pipeline.settings.experiment import Mission
@@ -278,7 +279,10 @@ class FleetOutcomes(Outcomes):
 def apart_of(mission: Mission) -> Apart | None:
     """Return how far apart the deputies of a thread's fleets are kept; None where they are not."""
     fleet = mission.fleet
-    return make_apart(fleet.deputies, fleet.keep_apart_m, fleet.delay_periods) if fleet.keep_apart_m else None
+    if not fleet.keep_apart_m:
+        return None
+    planned = fleet.keep_apart_m + 2.0 * bounds_of(mission.of_each).astray_m
+    return make_apart(pack_world(mission.of_each), fleet.deputies, planned, fleet.delay_periods)
 
 
 def check_controller(mission: Mission, controller: Controller) -> None:
