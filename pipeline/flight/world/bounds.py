@@ -23,7 +23,7 @@ from pipeline.settings.experiment import Mission, SettingError
 #: kept besides, beyond the accumulated rounding of a flight
 ROUNDING_M = 0.001
 #: pushes back to a planned stop that are tried, by the least step back
-PUSHES = np.linspace(1.0, 3.0, 41)
+PUSHES = [1.0 + 0.05 * step for step in range(41)]
 
 
 @dataclass(frozen=True)

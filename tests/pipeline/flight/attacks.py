@@ -119,6 +119,10 @@ class Fleet:
         wanted = np.linalg.solve(gain, (np.roll(stop_places, -1, axis=0) - free).T).T
         return np.clip(wanted, -1.0, 1.0)
 
+    def plans(self) -> np.ndarray:
+        """Where each plans to stop, (D, 3)."""
+        return self._apart.plans[: len(self.states)]
+
     def least(self) -> float:
         positions = self.states[:, :3]
         pairs = [np.linalg.norm(positions[i] - positions[:i], axis=1).min() for i in range(1, len(positions))]
