@@ -125,6 +125,7 @@ def export_c(arguments: Sequence[str]) -> int:
             load(experiment.controller, mission),
             is_tilted=any(experiment.sun.elevations_deg),
             rules_alone=chosen.bare,
+            fleet=mission.fleet,
         )
         exported = export.export(
             translated,
