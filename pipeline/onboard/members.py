@@ -30,7 +30,9 @@ class Members:
         lengths = tuple(self._sizes.get(length, length) for length in shape)
         if record is not None:
             return record_of(self._translator, "" if name == "lanes" else f"{name}_", record, lengths)
-        return self._translator.member(self._prefix + name, lengths, "int" if "int64" in str(array) else "double")
+        return self._translator.member(
+            self._prefix + name, lengths, "int" if "int64" in str(array) else "double"
+        )
 
 
 def record_of(

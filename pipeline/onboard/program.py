@@ -278,8 +278,7 @@ def translate(
     planner = None
     if plans:
         planner = _planner(translator, mission, flown, now, work, optics, law)
-    if is_shared(fleet):
-        write_sharing(translator, now, work, optics, control, fleet)
+    write_sharing(translator, now, work, optics, control, fleet)
     write_restart(translator, now, is_in_plane=optics is None)
     named = [
         (name, dict(zip(CONSTANTS, choice.constants.tolist(), strict=True)))

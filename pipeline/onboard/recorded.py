@@ -203,7 +203,7 @@ class Library:
         return int(self._function("leave")(self._state, *addresses))
 
     def shares(self, flight: Recorded) -> tuple[Bytes, Bytes, Any]:
-        """Return what a deputy of a fleet tells and leaves at a flight's samples, each (K, P), and answers."""
+        """Return what a deputy of a fleet tells and leaves at samples, each (K, P), and answers."""
         sharing = flight.sharing
         if sharing is None:
             raise ValueError("a flight in which nothing is left to others was given; give one of a fleet")

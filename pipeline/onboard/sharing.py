@@ -1,4 +1,4 @@
-"""What a deputy of a fleet tells on board, and which points it leaves to others: the flight's own, translated."""
+"""What a deputy of a fleet tells on board, and which points it leaves: the flight's own, translated."""
 
 from typing import Any
 
@@ -42,14 +42,11 @@ def is_shared(fleet: Fleet) -> bool:
 
 
 def write_sharing(
-    translator: Translator,
-    now: Moment,
-    work: Any,
-    optics: FullOptics | None,
-    control: Control,
-    fleet: Fleet,
+    translator: Translator, now: Moment, work: Any, optics: FullOptics | None, control: Control, fleet: Fleet
 ) -> None:
-    """Write as C what a deputy promises, and what it leaves to others by what it heard of them."""
+    """Write as C what a deputy promises, and what it leaves to others by what it heard, if it leaves any."""
+    if not is_shared(fleet):
+        return
     sizes = {"L": 1, "F": 1, "P": now.world.points.shape[2], "D": fleet.deputies, "S": 1}
     link = Members(translator, Link, sizes, "fleet_")
     translator.member("fleet_deputy", (1,), "int")

@@ -108,7 +108,7 @@ def sources(program: OnboardProgram, prefix: str = USUAL) -> Sources:
     if any(function.name == CHECKED_BY["START_POINTS"] for function in functions):
         members["counted"] = ((program.world.num_points,), "unsigned char")
     if program.is_shared:
-        members["fleet_num_left"] = (1,), "int"
+        members["fleet_has_left"] = (1,), "int"
     if program.planner:
         members |= program.planner.members
     if again:

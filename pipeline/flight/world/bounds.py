@@ -244,7 +244,9 @@ class _Recursion:
         if not mission.fleet.keep_apart_m > 0.0:
             return self._bounds(back, left, standing)
         tried = [self._bounds(more * back, left, standing) for more in PUSHES]
-        return min((each for each in tried if each.does_close), key=lambda each: each.astray_m, default=tried[0])
+        return min(
+            (each for each in tried if each.does_close), key=lambda each: each.astray_m, default=tried[0]
+        )
 
     def _bounds(self, back: float, left: float, standing: float) -> SafetyBounds:
         """Return the bounds with a push back, step by step as docs/explanation/safety.md proves them."""
@@ -297,7 +299,7 @@ class _Recursion:
         lost += length * self.errors.force_n / left + weight * standing  # omega
 
         def outward(along: float) -> float:
-            """Return how far a step may lead out of the ball whose radius squared is this squared + beta^2."""
+            """Return how far a step may lead out of the ball whose squared radius is along^2 + beta^2."""
             inside = max(0.5 * step, abs(along - step))
             return hypot(known, inside) + lost - hypot(known, along)
 

@@ -288,7 +288,9 @@ def back_to(world: World, apart: Apart, known: Flying, plan: Three) -> Three:
 
 
 @compiled(error_model="numpy")
-def exceeded_limit(world: World, k: int, free: Flying, requested: Three, cuts: Floats, num_planes: int) -> int:
+def exceeded_limit(
+    world: World, k: int, free: Flying, requested: Three, cuts: Floats, num_planes: int
+) -> int:
     """Return the limit that a requested force exceeds most; planes before all others."""
     if not keeps_planes(cuts, num_planes, requested):
         return APART

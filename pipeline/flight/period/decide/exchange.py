@@ -169,7 +169,7 @@ def shower(exchange: Exchange, lane: int, deputy: int, point: int) -> int:
 
 @compiled(error_model="numpy")
 def nearest_other(now: Moment, exchange: Exchange, lane: int, deputy: int, point: int) -> int:
-    """Return the deputy that is nearest to a point by direction, as a lane heard; `NOBODY` if it is its own."""
+    """Return the deputy that is nearest to a point by direction, as a lane heard; `NOBODY` for its own."""
     points = now.world.points[now.k if len(now.world.points) > 1 else 0]
     nearest, greatest = deputy, -np.inf
     for other in range(exchange.deputies):
