@@ -120,10 +120,12 @@ def _logged(
     if not mission.has_fleet:
         logs = [fly_logged(mission, program.controller, scenario) for scenario in scenarios]
         return logs, [recorded(program, *pair) for pair in zip(scenarios, logs, strict=True)]
-    told = [log for case in scenarios for log in fly_logged_fleet(mission, program.controller, case)]
+    of_fleets = [log for case in scenarios for log in fly_logged_fleet(mission, program.controller, case)]
     starts = [start for case in scenarios for start in case.fleet]
-    flights = [recorded(program, start, log.flight, log) for start, log in zip(starts, told, strict=True)]
-    return [log.flight for log in told], flights
+    flights = [
+        recorded(program, start, log.flight, log) for start, log in zip(starts, of_fleets, strict=True)
+    ]
+    return [log.flight for log in of_fleets], flights
 
 
 def _written(
