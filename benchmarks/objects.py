@@ -75,6 +75,8 @@ def commands() -> list[tuple[str, ...]]:
         ("+experiment=evaluate", "controller=natural_motion", *FEW),
         (*fleet, *RECORDED),
         (*fleet, "safety=filter", "fleet.keep_apart_m=10", *RECORDED),
+        (*fleet, "safety=robust", "fleet.keep_apart_m=10", "navigation=fixes", "actuators=real", *FEW),
+        ("+experiment=evaluate_fleet", "controller=champion_27_rehearsed", "sun=random", *FEW),
         ("+experiment=evaluate_fleet", "controller=champion_any_sun", "world=leo", *FEW),
     ]
 

@@ -89,9 +89,10 @@ def export_c(arguments: Sequence[str]) -> int:
     from the Python that flies. The commands of N recorded flights, 3 unless given, are compared bit by bit,
     and stand in the folder as a test vector. The folder must be new or empty. The exit code is 1 if a
     command differs. Of fleets each deputy flies the same function; what others are known to have seen is an
-    input. A controller with foresight searches for its plan on board; with --bare it has its rules
-    alone, and takes pushes that were planned on the ground as an input. With --prefix the names that other
-    files see begin with NAME instead of controller, so that several controllers link into one program.
+    input, and what they told where points are left to one another. A controller with foresight searches for
+    its plan on board; with --bare it has its rules alone, and takes pushes that were planned on the ground as
+    an input. With --prefix the names that other files see begin with NAME instead of controller, so that
+    several controllers link into one program.
 
     Returns
     -------
@@ -125,6 +126,7 @@ def export_c(arguments: Sequence[str]) -> int:
             load(experiment.controller, mission),
             is_tilted=any(experiment.sun.elevations_deg),
             rules_alone=chosen.bare,
+            fleet=mission.fleet,
         )
         exported = export.export(
             translated,

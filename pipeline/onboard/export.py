@@ -75,15 +75,11 @@ class Exported:
 
 def check_fleet(fleet: Fleet) -> None:
     """Raise NotTranslatableError for what deputies do together that no function on board does."""
-    for key, value, is_there, cure in (
-        ("sharing", fleet.sharing, fleet.sharing in ("nothing", "mask"), "choose mask"),
-        ("keep_apart_m", f"{fleet.keep_apart_m:g}", not fleet.keep_apart_m > 0.0, "leave it out"),
-    ):
-        if fleet.deputies > 1 and not is_there:
-            raise NotTranslatableError(
-                f"fleet.{key} is {value}; on board a deputy takes as input which points others are known to "
-                f"have seen, and nothing decides which to leave, or keeps deputies apart: {cure}"
-            )
+    if fleet.deputies > 1 and fleet.keep_apart_m > 0.0:
+        raise NotTranslatableError(
+            f"fleet.keep_apart_m is {fleet.keep_apart_m:g}, and nothing on board keeps deputies apart; leave "
+            "it out"
+        )
 
 
 def export(
@@ -118,13 +114,18 @@ def joined(program: OnboardProgram) -> str:
 
 def _logged(
     program: OnboardProgram, scenarios: Sequence[Scenario], fleet: Fleet
-) -> tuple[list[Scenario], list[FlightLog]]:
-    """Fly from some starts; return the start and the log of each flight, of fleets those of each deputy."""
+) -> tuple[list[FlightLog], list[Recorded]]:
+    """Fly from some starts; return the log of each flight, of fleets those of each deputy, and as inputs."""
     mission = replace(program.mission, fleet=fleet)
     if not mission.has_fleet:
-        return list(scenarios), [fly_logged(mission, program.controller, scenario) for scenario in scenarios]
-    logs = [log for case in scenarios for log in fly_logged_fleet(mission, program.controller, case)]
-    return [start for case in scenarios for start in case.fleet], [log.flight for log in logs]
+        logs = [fly_logged(mission, program.controller, scenario) for scenario in scenarios]
+        return logs, [recorded(program, *pair) for pair in zip(scenarios, logs, strict=True)]
+    of_fleets = [log for case in scenarios for log in fly_logged_fleet(mission, program.controller, case)]
+    starts = [start for case in scenarios for start in case.fleet]
+    flights = [
+        recorded(program, start, log.flight, log) for start, log in zip(starts, of_fleets, strict=True)
+    ]
+    return [log.flight for log in of_fleets], flights
 
 
 def _written(
@@ -133,8 +134,7 @@ def _written(
     source = sources(program, prefix)
     _write(folder / "controller.h", source.header)
     _write(folder / "controller.c", source.code)
-    starts, logs = _logged(program, scenarios, fleet)
-    flights = [recorded(program, start, log) for start, log in zip(starts, logs, strict=True)]
+    logs, flights = _logged(program, scenarios, fleet)
     facts = {
         "interface": source.interface,
         "parameters": source.interface.parameters,
@@ -145,6 +145,7 @@ def _written(
         "planner": program.planner,
         "warnings": WARNINGS,
         "specified": _specified(source.code) + joined(program),
+        "is_shared": program.is_shared,
         "token": source.identity["code"],
         **block_facts(source.interface),
     }

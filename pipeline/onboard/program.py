@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, get_args, get_type_hints
+from typing import Any
 
 from fis_tools.compiled import elementary
 from fis_tools.compiled.decorator import compiled
@@ -32,14 +32,17 @@ from pipeline.flight.world.surface import surface_of
 from pipeline.onboard.allowed import NotTranslatableError
 from pipeline.onboard.free_cells import FreeCells
 from pipeline.onboard.law_values import Values
+from pipeline.onboard.members import Members, record_of
 from pipeline.onboard.operations import OPERATIONS
 from pipeline.onboard.planner import ANYWHERE, PushPlanner, check, ranges_of, write_planner
 from pipeline.onboard.restart import write_restart
+from pipeline.onboard.sharing import is_shared, write_sharing
 from pipeline.onboard.translator import Translator
 from pipeline.onboard.values import Expression, Record
 from pipeline.onboard.writer import Setting
 from pipeline.physics.sight import is_free
 from pipeline.settings.experiment import Mission
+from pipeline.settings.fleet import Fleet
 
 #: signals of the target, which is the mean of the points that are lit and not inspected
 OF_TARGET = frozenset(
@@ -48,45 +51,10 @@ OF_TARGET = frozenset(
 #: arrays into which only finite numbers are written, zero for NaN: what inference is given, the force, and
 #: the safety layer's half-spaces and multipliers
 GUARDED = frozenset({"scratch_inputs", "commanded", "cuts", "zeros"})
-
-
+#: no fleet
+ALONE = Fleet()
 #: loops over terms of which `Values` must know which term it is
 UNROLLED = frozenset({("find_crossings", "term")})
-
-
-class Fields:
-    """The arrays of a flight's state or workspace as members of a structure of C, made when used."""
-
-    def __init__(self, translator: Translator, kind: Any, sizes: Mapping[str, int], **others: Any) -> None:
-        self._translator, self._sizes, self._others = translator, sizes, others
-        self._declared = get_type_hints(kind, include_extras=True)
-
-    def __getattr__(self, name: str) -> Any:
-        """Return an array or a record."""
-        if name.startswith("_") or name not in self._declared:
-            raise AttributeError(name)
-        if name in self._others:
-            return self._others[name]
-        array, *shape = get_args(self._declared[name])
-        record = shape.pop() if isinstance(shape[-1], dict) else None
-        lengths = tuple(self._sizes.get(length, length) for length in shape)
-        if record is not None:
-            return record_of(self._translator, "" if name == "lanes" else f"{name}_", record, lengths)
-        return self._translator.member(name, lengths, "int" if "int64" in str(array) else "double")
-
-
-def record_of(
-    translator: Translator, prefix: str, fields: Mapping[str, tuple[int, ...]], lengths: tuple[int, ...] = ()
-) -> Record:
-    """Return a record whose fields are members, with one lane."""
-
-    def member(name: str, indices: tuple[Any, ...]) -> Any:
-        is_whole = name == "cut_terms"
-        shape = (*lengths, *fields[name], *(() if is_whole else (1,)))
-        array = translator.member(prefix + name, shape, "int" if is_whole else "double")
-        return array.at(indices) if indices else array
-
-    return Record(member, tuple(fields))
 
 
 @compiled(error_model="numpy")
@@ -140,6 +108,8 @@ class OnboardProgram:
         Whether it takes the Sun to stand in the orbit plane, without reading its elevation.
     planner : PushPlanner or None
         What plans its pushes, with foresight.
+    fleet : Fleet
+        Of which it is one deputy's.
     """
 
     translator: Translator
@@ -152,6 +122,12 @@ class OnboardProgram:
     is_sun_in_plane: bool
     designed: RuleController
     planner: PushPlanner | None = None
+    fleet: Fleet = ALONE
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether it leaves points to other deputies."""
+        return is_shared(self.fleet)
 
     @property
     def has_covariance(self) -> bool:
@@ -195,7 +171,12 @@ def _most_ranks(names: Mapping[str, Any]) -> int:
 
 
 def translate(
-    mission: Mission, controller: Controller, *, is_tilted: bool = False, rules_alone: bool = False
+    mission: Mission,
+    controller: Controller,
+    *,
+    is_tilted: bool = False,
+    rules_alone: bool = False,
+    fleet: Fleet = ALONE,
 ) -> OnboardProgram:
     """Return the on-board function of a controller in a mission.
 
@@ -207,6 +188,8 @@ def translate(
         Whether the Sun may stand out of the orbit plane in a world of the paper's light and camera.
     rules_alone : bool
         Whether a controller with foresight takes its plan as an input, from the ground.
+    fleet : Fleet
+        Of which it is one deputy's.
 
     Raises
     ------
@@ -295,6 +278,7 @@ def translate(
     planner = None
     if plans:
         planner = _planner(translator, mission, flown, now, work, optics, law)
+    write_sharing(translator, now, work, optics, control, fleet)
     write_restart(translator, now, is_in_plane=optics is None)
     named = [
         (name, dict(zip(CONSTANTS, choice.constants.tolist(), strict=True)))
@@ -302,7 +286,7 @@ def translate(
     ]
     return OnboardProgram(
         *(translator, flown, mission, world, law, parameters.used, named, optics is None),
-        *(designed, planner),
+        *(designed, planner, fleet),
     )
 
 
@@ -333,9 +317,9 @@ def moment(translator: Translator, world: World) -> tuple[Moment, Any]:
         "cuts": MOST_CUTS,
     }
     scratch = record_of(translator, "scratch_", {**kernel.SCRATCH, "cut_terms": (2 * packing.MAX_TERMS,)})
-    state = Fields(translator, FlightState, sizes)
+    state = Members(translator, FlightState, sizes)
     state._others["truth"] = state.belief
-    work = Fields(translator, Workspace, sizes, scratch=Rooms(scratch))
+    work = Members(translator, Workspace, sizes, scratch=Rooms(scratch))
     k = Expression("k", "int", True, (0, world.num_controls - 1))
     return Moment(world, state, 0, 1, k), work  # type: ignore[arg-type]
 

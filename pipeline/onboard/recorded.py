@@ -16,8 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fis_tools.compiled.decorator import plainly
-from pipeline.array_types import Integers
+from pipeline.array_types import Bytes, Integers
 from pipeline.flight.cases.starts import cases_of
+from pipeline.flight.fly.fleet_logs import DeputyLog
 from pipeline.flight.fly.rehearsals import rehearse_tours
 from pipeline.flight.fly.tours import rehearsal_samples, tour_images
 from pipeline.flight.fly.workspace import points_of_cases
@@ -33,6 +34,14 @@ from pipeline.onboard.program import OnboardProgram
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
 
 
+class RecordedSharing(NamedTuple):
+    """What a deputy of a fleet knows and hears in each control period, and what it leaves by that."""
+
+    known: Bytes  # (K, P) 1 where a point counts and is not inspected by anybody, as it knows
+    heard: Any  # (K,) records of `heard_type`
+    left_to: Bytes  # (K, P) to which deputy, or 0
+
+
 class Recorded(NamedTuple):
     """A flight as the on-board function is given it."""
 
@@ -41,6 +50,7 @@ class Recorded(NamedTuple):
     choices: dict[int, int]  # from samples on, which of `OnboardProgram.choices` is followed
     parameters: list[list[float]]  # of each choice
     plans: bool = False  # on board, from the first sample on
+    sharing: RecordedSharing | None = None  # of a deputy that leaves points to others
 
 
 def start_type(num_points: int) -> np.dtype[Any]:
@@ -53,6 +63,12 @@ def step_type(num_points: int, *, has_covariance: bool = False) -> np.dtype[Any]
     return dtype_of(STEP_AND_COVARIANCE if has_covariance else STEP, num_points)
 
 
+def heard_type(num_deputies: int, num_points: int) -> np.dtype[Any]:
+    """Return the layout of ``struct controller_heard_input``."""
+    each = [("shown", "u1", (num_deputies, num_points)), ("position_m", "f8", (num_deputies, 3))]
+    return np.dtype([("deputy", "i4"), *each], align=True)
+
+
 def vector_type(step: np.dtype[Any]) -> np.dtype[Any]:
     """Return the layout of ``struct vector_step`` with an input of a `step_type`."""
     fields = [("input", step), ("choice", "i4"), ("force_n", "f8", 3)]
@@ -63,8 +79,10 @@ def vector_type(step: np.dtype[Any]) -> np.dtype[Any]:
 OUTPUT = dtype_of(ANSWERED, 0)
 
 
-def recorded(program: OnboardProgram, scenario: Scenario, log: FlightLog) -> Recorded:
-    """Return a logged flight as inputs of the on-board function."""
+def recorded(
+    program: OnboardProgram, scenario: Scenario, log: FlightLog, of_fleet: DeputyLog | None = None
+) -> Recorded:
+    """Return a logged flight as inputs of the on-board function, with what it heard if it is of a fleet."""
     mission, world = program.mission, program.world
     cases = cases_of(mission, [scenario])
     _, counted = points_of_cases(world, cases.starts)
@@ -90,7 +108,15 @@ def recorded(program: OnboardProgram, scenario: Scenario, log: FlightLog) -> Rec
         steps["covariance"] = log.estimate_covariance[:-1].reshape(-1, 36)
     steps["unseen"] = (counts > 0) & ~log.is_inspected[:-1]
     rows = [[row[name] for name in program.parameters] for _, row in program.choices]
-    return Recorded(start, steps, _chosen(program, scenario), rows, program.planner is not None)
+    flight = Recorded(start, steps, _chosen(program, scenario), rows, program.planner is not None)
+    if of_fleet is None or not program.is_shared:
+        return flight
+    heard = np.zeros(len(steps), heard_type(program.fleet.deputies, world.num_points))
+    heard["deputy"], heard["shown"] = of_fleet.deputy, of_fleet.shown
+    heard["position_m"] = of_fleet.positions
+    sharing = RecordedSharing(steps["unseen"].copy(), heard, of_fleet.left_to)
+    steps["unseen"] &= of_fleet.left_to == 0
+    return flight._replace(sharing=sharing)
 
 
 def _chosen(program: OnboardProgram, scenario: Scenario) -> dict[int, int]:
@@ -166,8 +192,40 @@ class Library:
         addresses = (ctypes.c_void_p(record.ctypes.data) for record in (step, output))
         self._function("step")(self._state, *addresses)
 
+    def tell(self, step: Any, shown: Bytes) -> int:
+        """Write what a deputy tells of each point, (P,), by a record of `step_type`; return the status."""
+        addresses = (ctypes.c_void_p(each.ctypes.data) for each in (step, shown))
+        return int(self._function("tell")(self._state, *addresses))
+
+    def leave(self, step: Any, heard: Any, left_to: Bytes) -> int:
+        """Write to which deputy each point is left, (P,), by a record of `heard_type`; return the status."""
+        addresses = (ctypes.c_void_p(each.ctypes.data) for each in (step, heard, left_to))
+        return int(self._function("leave")(self._state, *addresses))
+
+    def shares(self, flight: Recorded) -> tuple[Bytes, Bytes, Any]:
+        """Return what a deputy of a fleet tells and leaves at samples, each (K, P), and answers."""
+        sharing = flight.sharing
+        if sharing is None:
+            raise ValueError("a flight in which nothing is left to others was given; give one of a fleet")
+        shown, left_to = np.zeros((2, *sharing.known.shape), dtype=np.uint8)
+        outputs = np.zeros(len(flight.steps), OUTPUT)
+        self.start(flight.start)
+        for k in range(len(outputs)):
+            step = flight.steps[k : k + 1].copy()
+            step["unseen"] = sharing.known[k]
+            self.tell(step, shown[k])
+            self.leave(step, sharing.heard[k : k + 1], left_to[k])
+            step["unseen"] &= left_to[k] == 0
+            self.step(step, outputs[k : k + 1])
+        return shown, left_to, outputs
+
     def answers(self, flight: Recorded) -> Any:
-        """Return what the on-board function answers to a flight's samples, (K,) records of `OUTPUT`."""
+        """Return what the on-board function answers to a flight's samples, (K,) records of `OUTPUT`.
+
+        Where points are left to others, it steps by what it leaves itself.
+        """
+        if flight.sharing is not None:
+            return self.shares(flight)[2]
         outputs = np.zeros(len(flight.steps), OUTPUT)
         self.start(flight.start)
         if flight.plans:

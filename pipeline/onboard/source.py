@@ -19,7 +19,7 @@ from pipeline.flight.state.signals import BODY
 from pipeline.onboard.constant_tables import BYTES, ConstantTable
 from pipeline.onboard.dead_stores import without_dead_stores
 from pipeline.onboard.fields import offsets
-from pipeline.onboard.interface import CHECKED_BY, Interface, interface_of
+from pipeline.onboard.interface import CHECKED_BY, REACH, Interface, interface_of
 from pipeline.onboard.messages import ABOUTS, INPUT_REASON, MODES, REQUIREMENTS
 from pipeline.onboard.prefix import USUAL, renamed
 from pipeline.onboard.program import OnboardProgram
@@ -36,6 +36,7 @@ OF_ENTRIES = frozenset(
     {
         *("requested", "commanded", "coasts", "outputs", "leading", "num_unseen", "limit", "change"),
         *("plan_state", "plan_best", "plan_cost", "plan_given"),
+        *("fleet_deputy", "fleet_ahead", "fleet_left_to"),
     }
 )
 #: and those that they do where plans are made again in flight
@@ -106,6 +107,8 @@ def sources(program: OnboardProgram, prefix: str = USUAL) -> Sources:
     members |= dict.fromkeys(("last_period", "repeats"), ((1,), "int"))
     if any(function.name == CHECKED_BY["START_POINTS"] for function in functions):
         members["counted"] = ((program.world.num_points,), "unsigned char")
+    if program.is_shared:
+        members["fleet_has_left"] = (1,), "int"
     if program.planner:
         members |= program.planner.members
     if again:
@@ -209,6 +212,8 @@ def _facts(
         "interface": interface,
         "parameters": interface.parameters,
         "planner": program.planner,
+        "fleet": program.fleet if program.is_shared else None,
+        "reach_m": REACH * world.max_distance,
         "functions": functions,
         "members": {name: int(np.prod(shape)) for name, (shape, _) in members.items()},
         "choices": [name for name, _ in program.choices],

@@ -27,4 +27,5 @@ class Fleet(Settings, group="fleet", only=Only("fleet.deputies>1")):
     lost_percent: Annotated[types.NotNegative, Field(le=100)] = 0.0
     """Share of messages, one from each deputy to each other in each control period, that are lost."""
     keep_apart_m: Annotated[types.NotNegative, Field(le=100)] = 0.0
-    """Least distance between two deputies at a sample, which safety=filter keeps; 0: none."""
+    """Least distance between two deputies at a sample, which safety=filter keeps, and safety=robust where
+    anything is inexact; 0: none."""

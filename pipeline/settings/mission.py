@@ -339,8 +339,8 @@ class Mission(Settings, group=""):
 
     @property
     def of_each(self) -> "Mission":
-        """The mission as each deputy of a fleet flies it, as if alone."""
-        return replace(self, fleet=Fleet()) if self.has_fleet else self
+        """The mission as each deputy of a fleet flies it, as if alone, with margins if it is kept apart."""
+        return replace(self, fleet=Fleet(keep_apart_m=self.fleet.keep_apart_m)) if self.has_fleet else self
 
     def require_one_deputy(self, what: str) -> None:
         """Raise SettingError in a mission of a fleet, for what knows of one deputy alone."""

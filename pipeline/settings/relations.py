@@ -264,18 +264,23 @@ def _fleet(mission: Mission) -> Iterator[str]:
         yield "what follows a flight is asked of one deputy alone; leave one of them out"
 
 
-@relation("fleet.keep_apart_m", "safety.kind", "navigation.mode", "actuators.kind", "dynamics.model")
+@relation(
+    *("fleet.keep_apart_m", "safety.kind", "safety.probability", "navigation.mode", "actuators.kind"),
+    *("dynamics.model", "orbit.course"),
+)
 def _apart(mission: Mission) -> Iterator[str]:
-    """Check that deputies are kept apart by the safety layer, where all is as it takes it to be."""
+    """Check that deputies are kept apart by the safety layer, with margins where anything is inexact."""
     if not mission.fleet.keep_apart_m > 0.0:
         return
-    if mission.safety.kind != "filter" or mission.safety.probability is not None:
-        yield "it is the safety layer without margins for errors that keeps deputies apart; add safety=filter"
+    if mission.safety.kind != "filter":
+        yield "it is the safety layer that keeps deputies apart; add safety=filter, or safety=robust"
+    if mission.has_true_course:
+        yield "deputies are kept apart by the mean motion alone; leave out orbit.course=true"
     for key, exact in (("navigation.mode", "perfect"), ("actuators.kind", "ideal"), ("dynamics.model", "cw")):
-        if setting(mission, key) != exact:
+        if setting(mission, key) != exact and mission.safety.probability is None:
             yield (
-                f"{key} is {setting(mission, key)}, and deputies are kept apart only where nothing is "
-                f"inexact, with {exact}; change one of them"
+                f"{key} is {setting(mission, key)}, and without margins for errors deputies are kept apart "
+                f"only with {exact}; change one of them, or choose safety=robust"
             )
 
 

@@ -156,7 +156,8 @@ class SafetyProof:
     assumed : tuple of str
         Those that are taken for granted, in words.
     probability : float
-        With which a flight's errors are within the bounds that the proof takes for them; 1 if all is exact.
+        With which a flight's errors, or those of a whole fleet, are within the bounds that the proof takes
+        for them; 1 if all is exact.
     keep_out_m, keep_in_m : float
         Radii of the spheres between which the layer keeps the deputy: at samples if everything is exact,
         else at all times.
@@ -211,6 +212,11 @@ class SafetyProof:
             kept["delta_v"] = 0.0, self.delta_v_m_s
         return _follows(formula, kept, stays=self.stays)
 
+    def is_continuous(self, formula: Formula) -> bool:
+        """Return whether the proof is about all times, not only about samples, as of pairs."""
+        of_pairs = self.keep_apart_m > 0.0 and _keeps_apart(formula, self.start_apart_m, self.keep_apart_m)
+        return self.probability < 1.0 and not of_pairs
+
     def words(self) -> str:
         """Return what the layer keeps, in words."""
         times = "all samples" if self.probability == 1.0 else "flights at all times"
@@ -223,7 +229,8 @@ class SafetyProof:
             words += f" for {self.delta_v_m_s:g} m/s at most"
         if self.keep_apart_m > 0.0:
             words += (
-                f", and deputies {self.keep_apart_m:g} m apart that start {self.start_apart_m:.4g} m apart"
+                f", and at samples deputies {self.keep_apart_m:g} m apart that start "
+                f"{self.start_apart_m:.4g} m apart"
             )
         return words
 
@@ -388,19 +395,25 @@ def safety_proof(
     num_safe, is_whole, exception, stays = 0, False, "", is_on and mission.safety.keep_way_out
     kept, start_apart, (near, far, speed) = 0.0, 0.0, shell
     if mission.has_fleet:
+        # of all deputies together: each has errors of its own
+        probability = max(0.0, 1.0 - mission.fleet.deputies * (1.0 - probability))
         scenarios = [start for scenario in scenarios for start in scenario.fleet]
     if is_on:
         world = pack_world(mission.of_each)
         flying = ((Three(*scenario.position_m), Three(*scenario.velocity_m_s)) for scenario in scenarios)
+        known = shell
         if (kept := mission.fleet.keep_apart_m) > 0.0:
-            start_apart = kept + 2.0 * strayed_m(world.guard, far, speed)
+            # plans begin with what is estimated
+            off_m, off_m_s = bounds.errors.position_m, bounds.errors.speed_m_s
+            known = near - off_m, far + off_m, speed + off_m_s
+            start_apart = kept + 2.0 * (bounds.astray_m + off_m + strayed_m(world.guard, *known[1:]))
         if stays:
             outside = start_without_way_out(world, shell)
             is_whole = outside is None
             exception = "" if outside is None else f"near ({', '.join(f'{x:g}' for x in outside)}) m"
             num_safe = sum(is_open(world, 0, scenario, 0.0) for scenario in flying)
         else:
-            is_whole = are_safe(world.guard, *shell)
+            is_whole = are_safe(world.guard, *known)
             axis_speed = kept_along_axes(world) if is_exact(mission) else None
             num_safe = sum(most_exceeded(world, 0, scenario, STANDING)[2] <= 0.0 for scenario in flying)
     counts, starts = (len(scenarios), num_safe), shell_in_words(near, far, speed)

@@ -244,7 +244,7 @@ def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> MethodResult:
             is_proof=True,
             probability=proof.probability,
             assumed=proof.assumed,
-            is_continuous=proof.probability < 1.0,
+            is_continuous=proof.is_continuous(requirement.formula),
         )
     return MethodResult("not shown", "does not apply", why)
 

@@ -41,12 +41,18 @@ class DeputyLog:
         The deputy that saw a point first, so far.
     left_to : (K, P)
         The deputy that this one leaves a point to.
+    shown : (K, D, P)
+        By what it heard last of each, the points that are seen, or that its coasting will show.
+    positions : (K, D, 3)
+        And where each believed to be, m, Hill axes.
     """
 
     deputy: int
     flight: FlightLog
     seen_by: Bytes
     left_to: Bytes
+    shown: Bytes
+    positions: Floats
 
 
 class Heard(NamedTuple):
@@ -147,6 +153,8 @@ def fly_logged_fleet(mission: Mission, controller: Controller, scenario: Scenari
             _fly_heeding(mission, flown, start, messages, row, openings[row : row + 1]),
             messages.seen_by[0],
             messages.left_to[0, row],
+            messages.shown[0, row],
+            messages.positions[0, row],
         )
         for row, start in enumerate(scenario.fleet)
     ]

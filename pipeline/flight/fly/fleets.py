@@ -6,7 +6,7 @@ alone flies by `pipeline.flight.fly.many`, whose code knows nothing of this.
 
 from dataclasses import dataclass
 from math import inf, sqrt
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,7 @@ from pipeline.flight.fly.replanning import foresees
 from pipeline.flight.fly.tours import tour_images
 from pipeline.flight.fly.workspace import make_state, make_workspace
 from pipeline.flight.period.act.apart import Apart, assure_apart, make_apart
-from pipeline.flight.period.decide.exchange import Exchange, begin, heed, pool, share_out
+from pipeline.flight.period.decide.exchange import LEAVE, Exchange, begin, heed, pool, share_out
 from pipeline.flight.period.decide.urgency import note_deadlines
 from pipeline.flight.period.steps import act, decide, look, move_on
 from pipeline.flight.state.arrays import (
@@ -54,6 +54,7 @@ from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.link import Link
 from pipeline.flight.state.log import Outcomes, Scenario, points_needed
 from pipeline.flight.state.signals import SETTING, URGENCY
+from pipeline.flight.world.bounds import bounds_of
 from pipeline.flight.world.pack import pack_world
 from pipeline.flight.world.surface import surface_of
 from pipeline.settings.experiment import Mission
@@ -68,11 +69,15 @@ SEEN, ENOUGH_AT, NEAREST_PAIR = range(3)
 class Messages(NamedTuple):
     """What the deputies of m fleets tell one another: numbers of deputies from 1, 0 for none."""
 
-    seen_by: Bytes  # (m, K+1, P) that saw a point first, so far
-    unseen: Bytes  # (m, D, K+1, P) 1 where a point counts and none has seen it that a deputy knows of
-    left_to: Bytes  # (m, D, K, P) to which a deputy leaves a point
-    # (m, D, K, 4) where deputies are kept apart: commanded forces, N, Hill axes, and for which limit changed
-    forces: Floats
+    seen_by: Annotated[Bytes, "m", "K+1", "P"]  # that saw a point first, so far
+    # 1 where a point counts and none has seen it that a deputy knows of
+    unseen: Annotated[Bytes, "m", "D", "K+1", "P"]
+    left_to: Annotated[Bytes, "m", "D", "K", "P"]  # to which a deputy leaves a point
+    # the last that the first heard of the second: 1 for points seen or to be shown, and its position, m
+    shown: Annotated[Bytes, "m", "D", "K", "D", "P"]
+    positions: Annotated[Floats, "m", "D", "K", "D", 3]
+    # where deputies are kept apart: commanded forces, N, Hill axes, and for which limit changed
+    forces: Annotated[Floats, "m", "D", "K", 4]
 
 
 class FleetResults(NamedTuple):
@@ -128,12 +133,16 @@ def note_seen(now: Moment, exchange: Exchange, messages: Messages) -> None:
 
 @compiled(error_model="numpy")
 def note_left(now: Moment, exchange: Exchange, messages: Messages) -> None:
-    """Note what is left to whom, where there is room."""
+    """Note what is left to whom, and what was heard, where there is room."""
     deputies = exchange.deputies
     for lane in range(now.num_lanes if len(messages.left_to) > 0 else 0):
         left = messages.left_to[(now.first + lane) // deputies, lane % deputies, now.k]
+        row = (now.first + lane) // deputies, lane % deputies, now.k
         for j in range(now.world.num_points):
             left[j] = exchange.left_to[lane, j] + 1
+            for other in range(deputies if exchange.sharing >= LEAVE else 0):
+                messages.shown[row][other, j] = exchange.link.heard_ahead[lane, other, j] == 0.0
+        messages.positions[row] = exchange.link.heard_positions[lane]
 
 
 @compiled(error_model="numpy")
@@ -231,27 +240,20 @@ def make_exchange(world: World, fleet: Fleet, lanes: int, lost: Bytes = NO_LOSSE
     sizes = {"L": lanes, "F": lanes // deputies, "P": points, "D": deputies, "S": fleet.delay_periods + 1}
     link = allocated(Link, sizes, delay=fleet.delay_periods, lost=lost)
     exchange: Exchange = allocated(
-        Exchange, sizes, deputies=deputies, sharing=SHARING.index(fleet.sharing), link=link
+        Exchange, sizes, deputies=deputies, first=0, sharing=SHARING.index(fleet.sharing), link=link
     )
     return exchange
 
 
-NO_MESSAGES = Messages(
-    np.zeros((0, 0, 0), dtype=np.uint8),
-    np.zeros((0, 0, 0, 0), dtype=np.uint8),
-    np.zeros((0, 0, 0, 0), dtype=np.uint8),
-    np.zeros((0, 0, 0, 4)),
-)
-
-
 def room_for_messages(mission: Mission, count: int) -> Messages:
     """Return room for what the deputies of some fleets tell one another."""
-    num_controls, num_points = mission.num_controls, len(surface_of(mission).points)
-    seen_by = np.zeros((count, num_controls + 1, num_points), dtype=np.uint8)
-    each = count, mission.fleet.deputies, num_controls
-    unseen = np.zeros((count, mission.fleet.deputies, num_controls + 1, num_points), dtype=np.uint8)
-    left_to = np.zeros((*each, num_points), dtype=np.uint8)
-    return Messages(seen_by, unseen, left_to, np.zeros((*each, 4)))
+    sizes = {"m": count, "D": mission.fleet.deputies, "P": len(surface_of(mission).points)}
+    sizes |= {"K": mission.num_controls, "K+1": mission.num_controls + 1}
+    messages: Messages = allocated(Messages, sizes)
+    return messages
+
+
+NO_MESSAGES: Messages = allocated(Messages, dict.fromkeys(("m", "D", "K", "K+1", "P"), 0))
 
 
 #: columns of what each deputy of a fleet did, in the order of `FleetOutcomes.of_deputies`
@@ -278,7 +280,10 @@ class FleetOutcomes(Outcomes):
 def apart_of(mission: Mission) -> Apart | None:
     """Return how far apart the deputies of a thread's fleets are kept; None where they are not."""
     fleet = mission.fleet
-    return make_apart(fleet.deputies, fleet.keep_apart_m, fleet.delay_periods) if fleet.keep_apart_m else None
+    if not fleet.keep_apart_m:
+        return None
+    planned = fleet.keep_apart_m + 2.0 * bounds_of(mission.of_each).astray_m
+    return make_apart(pack_world(mission.of_each), fleet.deputies, planned, fleet.delay_periods)
 
 
 def check_controller(mission: Mission, controller: Controller) -> None:

@@ -7,7 +7,7 @@ has the proof. Vectors are bounded by their lengths, matrices by their spectral 
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import ceil, cos, inf, radians, sqrt
+from math import ceil, cos, hypot, inf, radians, sqrt
 
 import numpy as np
 
@@ -22,6 +22,8 @@ from pipeline.settings.experiment import Mission, SettingError
 
 #: kept besides, beyond the accumulated rounding of a flight
 ROUNDING_M = 0.001
+#: pushes back to a planned stop that are tried, by the least step back
+PUSHES = [1.0 + 0.05 * step for step in range(41)]
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,7 @@ class SafetyBounds:
     planned_force_n: float = inf  # greatest force along each axis that is passed on, and greatest of a stop
     braking_force_n: float = inf
     step_back_n: float = 0.0  # force beyond the stop that leads back from where even the stop is not safe
+    astray_m: float = 0.0  # how far samples and stops may be from where deputies kept apart plan them
     does_close: bool = True  # whether thrusters make good for the errors, so that flights stay in the limits
     needed_force_n: float = 0.0  # the greatest along an axis that making good may take
     greatest_force_n: float = 0.0  # greatest length of a force that is passed on
@@ -232,15 +235,24 @@ class _Recursion:
         return self.known.bound(rows, self.errors.constant_m, self.errors.risk)
 
     def bounds(self) -> SafetyBounds:
-        """Return the bounds, step by step as docs/explanation/safety.md proves them."""
-        # symbols of that page at the right
+        """Return the bounds; of deputies kept apart those with the push that strays least from plans."""
+        mission = self.mission
+        # symbols of docs/explanation/safety.md at the right: |h|
+        standing = 3.0 * mission.deputy.mass_kg * mission.orbit.mean_motion_rad_s**2 * mission.keep_in_m
+        left = max(1e-3, 1.0 - self.turned * self.errors.share)  # 1 - c e
+        back = self._step_back(self.shifted * self.errors.share / left, left, standing)  # |g|
+        if not mission.fleet.keep_apart_m > 0.0:
+            return self._bounds(back, left, standing)
+        tried = [self._bounds(more * back, left, standing) for more in PUSHES]
+        return min(
+            (each for each in tried if each.does_close), key=lambda each: each.astray_m, default=tried[0]
+        )
+
+    def _bounds(self, back: float, left: float, standing: float) -> SafetyBounds:
+        """Return the bounds with a push back, step by step as docs/explanation/safety.md proves them."""
         mission, errors, safety = self.mission, self.errors, self.mission.safety
         share, most = errors.share, mission.deputy.max_force_n  # e
-        # |h|
-        standing = 3.0 * mission.deputy.mass_kg * mission.orbit.mean_motion_rad_s**2 * mission.keep_in_m
-        left = max(1e-3, 1.0 - self.turned * share)  # 1 - c e
         weight = self.shifted * share / left  # w
-        back = self._step_back(weight, left, standing)  # |g|
         does_close, stepping = back <= most, back
         back = back if does_close else 0.0
         pushed = (1.0 + share) * (back + self.force_off) + errors.force_n  # of y, all but D k
@@ -250,18 +262,59 @@ class _Recursion:
         needed = max(stepping, axis + share * (stop + self.force_off + back))
         does_close = does_close and needed <= most
         strayed = self.later_off + missed + weight * stepped  # how far p lies inside R1
-        # in steps back the share grows by this, at most, as propellant is used up
-        strayed += self.shifted * (1.0 + share) * errors.lighter * stepped / left**2
         # how far a sample may lie from halfway between the positions of two stops
         off = share * stop + pushed  # |y|
         halfway = norm(self.motion.control[0, :3] - 0.5 * self.pushed) * off
+        is_apart, astray = mission.fleet.keep_apart_m > 0.0, 0.0
+        if is_apart:
+            around = self._around_plan(back, weight, left, (standing, stop), self.later_off + missed)  # rho
+            does_close = does_close and around < inf
+            strayed = max(strayed, around + weight * stepped if does_close else 0.0)
+        # in steps back the share grows by this, at most, as propellant is used up
+        strayed += self.shifted * (1.0 + share) * errors.lighter * stepped / left**2
+        if is_apart:
+            astray = max(strayed + halfway, self._sample_off())
         fired = max(SQRT_3 * safety.planned_force_n, stop + self.force_off + back)
         bent, length = self._between(fired * (1.0 + share) + errors.force_n, stop)
         keep_in, near = strayed + halfway + bent, mission.deputy.min_distance_m + bent
         keep_out = keep_in + dip(near, length + 2.0 * bent)
         keep_out += dip(near, self.shifted * off)
         planned = safety.planned_force_n, self.braking, back
-        return SafetyBounds(errors, keep_out, keep_in, *planned, does_close, needed, fired)
+        return SafetyBounds(errors, keep_out, keep_in, *planned, astray, does_close, needed, fired)
+
+    def _around_plan(
+        self, back: float, weight: float, left: float, forces: tuple[float, float], after_force: float
+    ) -> float:
+        """Return how far from a planned stop V stays while a deputy of a fleet is led back to it, m.
+
+        docs/explanation/fleets.md has the proof. Given are the push, w, 1 - c e, bounds on |h| and |k|, and
+        on how far V is from the plan after a planned force; infinite where the push does not suffice.
+        """
+        standing, stop = forces
+        length, least = norm(self.pushed), 1.0 / norm(np.linalg.inv(self.pushed))
+        askew = self.errors.share * norm(self.stop @ self.motion.control[0] + np.eye(3)) / left
+        step = least * back  # zeta
+        known = self.position_off + weight * max(stop, SQRT_3 * self.braking)  # beta
+        lost = length / least * askew * step + length * ((1.0 + askew) * self.force_off)
+        lost += length * self.errors.force_n / left + weight * standing  # omega
+
+        def outward(along: float) -> float:
+            """Return how far a step may lead out of the ball whose squared radius is along^2 + beta^2."""
+            inside = max(0.5 * step, abs(along - step))
+            return hypot(known, inside) + lost - hypot(known, along)
+
+        farthest = 1e3 * (known + lost + step)
+        if outward(farthest) > 0.0:
+            return inf
+        from scipy.optimize import brentq  # noqa: PLC0415 - slow to import, used only here
+
+        nearest = hypot(known, float(brentq(outward, 0.0, farthest)))
+        return max(nearest, known, after_force)
+
+    def _sample_off(self) -> float:
+        """Return how far a sample may lie from where a planned force is to lead, m."""
+        force = self.errors.share * SQRT_3 * self.mission.safety.planned_force_n + self.errors.force_n
+        return self.position_off + norm(self.motion.control[0, :3]) * (self.force_off + force)
 
     def _step_back(self, weight: float, left: float, standing: float) -> float:
         """Return the least force beyond the stop with which a step back does not lead towards the limit."""

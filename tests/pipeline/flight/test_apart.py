@@ -6,10 +6,13 @@ from scipy.optimize import LinearConstraint, minimize
 
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load
+from pipeline.flight.fly.fleets import apart_of
 from pipeline.flight.goals.flights import fly_all
+from pipeline.flight.world.bounds import bounds_of
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import SettingError
-from tests.pipeline.flight.attacks import APART_M, LINKS, WORDS, attacks, drawn, mission_of
+from tests.pipeline.flight import attacks as flown
+from tests.pipeline.flight.attacks import APART_M, ERRORS, LINKS, WORDS, attacks, drawn, mission_of
 
 
 @pytest.mark.parametrize("deputies", [2, 3, 5])
@@ -25,6 +28,47 @@ def test_deputies_that_aim_at_one_another_never_come_nearer(deputies, link):
     assert least >= APART_M
     assert unguarded < 0.6 * APART_M
     assert changed > 60
+
+
+@pytest.mark.parametrize("deputies", [2, 3, 5])
+@pytest.mark.parametrize("link", LINKS)
+def test_with_errors_they_stay_apart_and_near_what_they_plan(deputies, link):
+    """Estimates, thrusters and motion are as far off as their bounds allow."""
+    unguarded = np.inf
+    for fleet, alone, _ in attacks(deputies, link, 6, 84, *ERRORS):
+        assert fleet.least() >= APART_M
+        unguarded = min(unguarded, alone.least())
+        distances = np.linalg.norm(fleet.states[:, :3], axis=1)
+        assert fleet.mission.deputy.min_distance_m <= distances.min()
+        assert distances.max() <= fleet.mission.deputy.max_distance_m
+        astray = np.linalg.norm(fleet.states @ fleet.stops.T - fleet.plans(), axis=1)
+        assert astray.max() <= bounds_of(fleet.mission).astray_m
+    assert unguarded < 1.5 * APART_M
+
+
+@pytest.mark.parametrize("weakened", ["no margin", "not led back"])
+def test_an_attack_finds_what_the_bounds_are_for(monkeypatch, weakened):
+    def weaker(mission):
+        apart = apart_of(mission)
+        if weakened == "no margin":
+            return apart._replace(distance=APART_M)
+        return apart._replace(forces=np.zeros_like(apart.forces))
+
+    monkeypatch.setattr(flown, "apart_of", weaker)
+    least, astray = np.inf, 0.0
+    for fleet, _, _ in attacks(5, "at once", 24, 84, *ERRORS):
+        least = min(least, fleet.least())
+        astray = max(astray, np.linalg.norm(fleet.states @ fleet.stops.T - fleet.plans(), axis=1).max())
+    if weakened == "no margin":
+        assert least < APART_M
+    else:
+        assert astray > bounds_of(fleet.mission).astray_m
+
+
+def test_where_motion_alone_is_inexact_hardly_more_is_kept():
+    words = "safety=robust", "dynamics=two_body"
+    assert 0.0 < bounds_of(mission_of(2, *words)).astray_m < 1e-3
+    assert bounds_of(mission_of(2, "safety=robust")).astray_m == 0.0
 
 
 def test_the_change_of_force_is_the_least():
@@ -101,7 +145,7 @@ def test_fleets_of_a_champion_stay_apart():
     "words",
     [
         ("safety=none",),
-        ("safety=robust",),
+        ("safety=robust", "dynamics=two_body", "orbit.course=true"),
         ("navigation=fixes",),
         ("actuators=real",),
         ("dynamics=two_body",),

@@ -7,6 +7,9 @@ sample and its next stop half the least distance on its own side. Both are linea
 
 A deputy that did not hear where another stops keeps both in a cube around its own stop, so small that they
 stay apart wherever the other may be by now, and whichever plane or cube it keeps.
+
+Where states and forces are inexact, deputies tell planned stops. They choose forces that lead there by their
+estimates, or, if no planned force is allowed, lead back to the last one.
 """
 
 from math import sqrt
@@ -76,21 +79,34 @@ class Apart(NamedTuple):
     gaps: Annotated[Floats, "L", "D"]
     # (u_x, u_y, u_z, level): beyond this plane, u . r <= level, the other has kept its stop; level NaN: none
     planes: Annotated[Floats, "L", "D", 4]
+    # how far a deputy is led back to its planned stop in a control period, m; 0: nothing is inexact
+    back: float
+    forces: Annotated[Floats, 3, 3]  # that move the next stop, N/m
+    plans: Annotated[Floats, "L", 3]  # where each plans to stop after the next sample, m
 
 
-def make_apart(deputies: int, distance: float, delay: int, lanes: int = LANES) -> Apart:
-    """Allocate what keeps the deputies of one thread's fleets apart."""
+def make_apart(world: World, deputies: int, distance: float, delay: int, lanes: int = LANES) -> Apart:
+    """Allocate what keeps the deputies of one thread's fleets apart, by a distance between planned stops."""
     sizes = {"N": 2 * (deputies - 1) + 12 + MOST_CUTS, "S": delay + 2, "L": lanes, "D": deputies}
-    apart: Apart = allocated(Apart, sizes, deputies=deputies, distance=distance)
+    forces = np.linalg.inv(world.guard.checks.transition[1, :3] @ world.motion.control[0])
+    back = world.guard.step_back / float(np.linalg.norm(forces, 2))
+    apart: Apart = allocated(Apart, sizes, deputies=deputies, distance=distance, back=back, forces=forces)
     return apart
 
 
 @compiled(error_model="numpy")
-def stop_of_lane(now: Moment, lane: int) -> Three:
-    """Return where a deputy would stop, m."""
+def stop_of(world: World, known: Flying) -> Three:
+    """Return where a deputy in a state would stop, m."""
+    return drifted_position(position_rows_of(world.guard.checks, 1), known[0], known[1])
+
+
+@compiled(error_model="numpy")
+def stop_of_lane(now: Moment, apart: Apart, lane: int) -> Three:
+    """Return where a deputy would stop, or plans to where anything is inexact, m."""
+    if apart.back > 0.0 and now.k > 0:
+        return three_of(apart.plans[lane])
     belief = now.state.belief
-    rows = position_rows_of(now.world.guard.checks, 1)
-    return drifted_position(rows, lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane))
+    return stop_of(now.world, (lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)))
 
 
 @compiled(error_model="numpy")
@@ -122,7 +138,7 @@ def sense_gaps(now: Moment, apart: Apart, link: Link, distance: float) -> None:
     """
     deputies, size, k = apart.deputies, len(apart.stops), now.k
     for lane in range(now.num_lanes):
-        stop = stop_of_lane(now, lane)
+        stop = stop_of_lane(now, apart, lane)
         for axis, value in enumerate((stop.x, stop.y, stop.z)):
             apart.stops[k % size, lane, axis] = value
     for lane in range(now.num_lanes):
@@ -224,20 +240,23 @@ def is_allowed(world: World, k: int, free: Flying, force: Three, cuts: Floats, n
 
 
 @compiled(error_model="numpy")
-def corrected(
-    world: World, k: int, known: Flying, free: Flying, requested: Three, cuts: Floats, num_planes: int
-) -> Three:
-    """Return the force that replaces one that exceeds a limit.
-
-    Tried in this order: all limits; only those that are never given up; as far from the stop as they allow.
-    """
+def nearest_allowed_force(
+    world: World, k: int, free: Flying, requested: Three, cuts: Floats, num_planes: int
+) -> tuple[Three, bool]:
+    """Return the nearest force within all limits, or within those never given up, and whether it is one."""
     num_checks = len(world.guard.checks.transition)
     force = nearest_force(world, k, free, requested, num_checks, cuts, num_planes)
     if is_allowed(world, k, free, force, cuts, num_planes):
-        return force
+        return force, True
     force = nearest_force(world, k, free, requested, STANDING, cuts, num_planes)
-    if is_allowed(world, k, free, force, cuts, num_planes):
-        return force
+    return force, is_allowed(world, k, free, force, cuts, num_planes)
+
+
+@compiled(error_model="numpy")
+def towards_stop(
+    world: World, k: int, known: Flying, free: Flying, force: Three, cuts: Floats, num_planes: int
+) -> Three:
+    """Return a force that is not allowed as far moved towards the stop as necessary, by bisection."""
     stop = clip_three(stopping_force(world.guard.stop, known[0], known[1]), world.max_force)
     if not is_safe(world, k, free, stop, 2.0 * TOLERANCE):
         return force  # outside the safe set
@@ -252,29 +271,67 @@ def corrected(
 
 
 @compiled(error_model="numpy")
+def leads_back(world: World, apart: Apart, plan: Three) -> bool:
+    """Return whether a deputy may be led back to its planned stop: it lies between the spheres."""
+    distance, guard = length(plan), world.guard
+    return apart.back > 0.0 and guard.keep_out - TOLERANCE <= distance <= guard.keep_in + TOLERANCE
+
+
+@compiled(error_model="numpy")
+def back_to(world: World, apart: Apart, known: Flying, plan: Three) -> Three:
+    """Return the force that stops a deputy, and leads it back to its planned stop."""
+    away = plan - stop_of(world, known)
+    away = min(1.0, apart.back / max(length(away), 1e-30)) * away
+    x, y, z = three_of(apart.forces[0]), three_of(apart.forces[1]), three_of(apart.forces[2])
+    push = Three(dot(x, away), dot(y, away), dot(z, away))
+    return clip_three(stopping_force(world.guard.stop, known[0], known[1]) + push, world.max_force)
+
+
+@compiled(error_model="numpy")
+def exceeded_limit(
+    world: World, k: int, free: Flying, requested: Three, cuts: Floats, num_planes: int
+) -> int:
+    """Return the limit that a requested force exceeds most; planes before all others."""
+    if not keeps_planes(cuts, num_planes, requested):
+        return APART
+    ahead = next_state(world, k, free, requested)
+    limit = most_exceeded(world, k, ahead, len(world.guard.checks.transition))[0]
+    largest = max(abs(requested.x), abs(requested.y), abs(requested.z))
+    return SPEED if limit == SAFE and largest > world.guard.planned_force else limit
+
+
+@compiled(error_model="numpy")
 def assure_apart(now: Moment, apart: Apart, link: Link) -> None:
     """Correct the commands that lead a deputy over a plane, or beyond what the safety layer limits."""
     world, lanes, belief, k = now.world, now.state.lanes, now.state.belief, now.k
     store(lanes.limit, 0, splat(0.0, width_of(lanes)))
     store_three(lanes.change, 0, same(0.0, width_of(lanes)))
-    num_checks, most = len(world.guard.checks.transition), world.guard.planned_force
     sense_gaps(now, apart, link, apart.distance + 2.0 * SLACK)
     for lane in range(now.num_lanes):
         known = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
         requested, free = lane_of(lanes.commanded, 0, lane), free_state(world, k, known)
         num_planes = place_planes(now, apart, link, lane, free)
-        limit = most_exceeded(world, k, next_state(world, k, free, requested), num_checks)[0]
-        if limit == SAFE and max(abs(requested.x), abs(requested.y), abs(requested.z)) > most:
-            limit = SPEED
-        if not keeps_planes(apart.cuts, num_planes, requested):
-            limit = APART
-        if limit == SAFE:
-            continue
-        force = corrected(world, k, known, free, requested, apart.cuts, num_planes)
-        lanes.num_acted[lane] += 1.0
-        lanes.limit[lane] = limit
-        change = force - requested
-        for axis in range(3):
-            lanes.corrected[lane] += abs(change[axis]) * world.delta_v_per_force
-        write_lane(lanes.change, 0, lane, change)
-        write_lane(lanes.commanded, 0, lane, force)
+        limit = exceeded_limit(world, k, free, requested, apart.cuts, num_planes)
+        plan, force, is_planned = three_of(apart.stops[k % len(apart.stops), lane]), requested, True
+        if limit != SAFE:
+            force, is_planned = nearest_allowed_force(world, k, free, requested, apart.cuts, num_planes)
+            if not is_planned and leads_back(world, apart, plan):
+                force = back_to(world, apart, known, plan)
+            elif not is_planned:
+                force, is_planned = towards_stop(world, k, known, free, force, apart.cuts, num_planes), True
+            note_correction(now, lane, limit, force - requested)
+            write_lane(lanes.commanded, 0, lane, force)
+        if is_planned:
+            plan = stop_of(world, next_state(world, k, free, force))
+        write_three(apart.plans[lane], plan)
+
+
+@compiled(error_model="numpy")
+def note_correction(now: Moment, lane: int, limit: int, change: Three) -> None:
+    """Note that a command was changed for a limit."""
+    lanes = now.state.lanes
+    lanes.num_acted[lane] += 1.0
+    lanes.limit[lane] = limit
+    for axis in range(3):
+        lanes.corrected[lane] += abs(change[axis]) * now.world.delta_v_per_force
+    write_lane(lanes.change, 0, lane, change)

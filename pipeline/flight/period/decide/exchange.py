@@ -44,6 +44,7 @@ class Exchange(NamedTuple):
     """What F fleets side by side know together; L lanes and P points, padded."""
 
     deputies: int  # of a fleet
+    first: int  # number in its fleet of the deputy in the first lane, from 0 on
     sharing: int
     link: Link
     unseen: Annotated[Floats, "F", "P"]  # 1 where a point counts and no deputy has seen it
@@ -145,7 +146,8 @@ def promise(
     sense_room(now, exchange)
     for lane in range(now.num_lanes):
         ahead = exchange.ahead[lane]
-        ahead[:] = exchange.known[lane]
+        for j in range(world.num_points):
+            ahead[j] = exchange.known[lane, j]
         if exchange.room[0, lane] >= margin and state.lanes.num_unseen[lane] > 0.0:
             position = lane_of(state.belief.position, 0, lane)
             velocity = lane_of(state.belief.velocity, 0, lane)
@@ -155,20 +157,25 @@ def promise(
 
 
 @compiled(error_model="numpy")
-def taker(now: Moment, exchange: Exchange, lane: int, point: int) -> int:
-    """Return the deputy of its fleet that a lane leaves a point to, or `NOBODY`."""
-    deputies, deputy, link = exchange.deputies, lane % exchange.deputies, exchange.link
-    for other in range(deputies):
-        if other != deputy and link.heard_ahead[lane, other, point] == 0.0:
-            return other
-    if exchange.sharing < NEARER or exchange.ahead[lane, point] == 0.0:
-        return NOBODY
+def shower(exchange: Exchange, lane: int, deputy: int, point: int) -> int:
+    """Return the first other deputy whose coasting will show a point, as a lane heard, or `NOBODY`."""
+    first = NOBODY
+    for other in range(exchange.deputies):
+        will_show = exchange.link.heard_ahead[lane, other, point] == 0.0
+        if first == NOBODY and other != deputy and will_show:
+            first = other
+    return first
+
+
+@compiled(error_model="numpy")
+def nearest_other(now: Moment, exchange: Exchange, lane: int, deputy: int, point: int) -> int:
+    """Return the deputy that is nearest to a point by direction, as a lane heard; `NOBODY` for its own."""
     points = now.world.points[now.k if len(now.world.points) > 1 else 0]
     nearest, greatest = deputy, -np.inf
-    for other in range(deputies):
+    for other in range(exchange.deputies):
         along, square = 0.0, 0.0
         for axis in range(3):
-            component = link.heard_positions[lane, other, axis]
+            component = exchange.link.heard_positions[lane, other, axis]
             if other == deputy:
                 component = now.state.belief.position[axis, lane]
             along += component * points[axis, point]
@@ -176,6 +183,16 @@ def taker(now: Moment, exchange: Exchange, lane: int, point: int) -> int:
         if along > greatest * sqrt(square):
             nearest, greatest = other, along / sqrt(square)
     return nearest if nearest != deputy else NOBODY
+
+
+@compiled(error_model="numpy")
+def taker(now: Moment, exchange: Exchange, lane: int, point: int) -> int:
+    """Return the deputy of its fleet that a lane leaves a point to, or `NOBODY`."""
+    deputy = (exchange.first + lane) % exchange.deputies
+    other = shower(exchange, lane, deputy, point)
+    if other == NOBODY and exchange.sharing >= NEARER and exchange.ahead[lane, point] != 0.0:
+        other = nearest_other(now, exchange, lane, deputy, point)
+    return other
 
 
 @compiled(error_model="numpy")

@@ -23,6 +23,7 @@ from pipeline.evaluation.assurance.requirements import (
 )
 from pipeline.evaluation.monte_carlo import fly_tracked
 from pipeline.flight.fly.fleet_logs import fly_logged_fleet
+from pipeline.flight.world.bounds import bounds_of, spheres_of
 from pipeline.scenarios import DrawnCases
 from pipeline.settings.experiment import Mission
 
@@ -139,6 +140,25 @@ def test_pairs_are_proved_apart_where_they_start_so(flown):
     loose = safety_proof(of_none, scenarios, start_bounds(experiment))
     assert not loose.proves(parse(APART, UNITS))
     assert loose.proves(parse("always distance >= 15 m", UNITS))
+
+
+def test_pairs_are_proved_apart_where_nothing_is_exact():
+    """Errors of all deputies are within their bounds at once, and plans begin with estimates."""
+    experiment, _, scenarios = composed("safety=robust", "world=leo", "fleet.deputies=3")
+    mission, shell = experiment.mission, start_bounds(experiment)
+    proof, bounds = safety_proof(mission, scenarios, shell), bounds_of(mission)
+    assert proof.failing == ()
+    assert proof.probability == pytest.approx(1.0 - 3.0 * 0.001)
+    least = proof.start_apart_m
+    assert least > 10.0 + 2.0 * bounds.astray_m + 2.0 * bounds.errors.position_m
+    formula = parse(f"nearest_pair >= {least + 0.1:.1f} m -> always (nearest_pair >= 10 m)", UNITS)
+    assert proof.proves(formula)
+    assert not proof.proves(parse(APART, UNITS))
+    assert not proof.is_continuous(formula)
+    assert proof.is_continuous(parse("always distance >= 15 m", UNITS))
+    # starts that only an exact deputy knows to be safe
+    near = spheres_of(mission, bounds)[0] + 1.0
+    assert not safety_proof(mission, scenarios, (near, *shell[1:])).are_all_safe
 
 
 def test_faster_starts_must_be_farther_apart():
