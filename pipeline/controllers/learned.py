@@ -152,6 +152,12 @@ class Policy:
     network: Network
     source: bytes  # the file it was read from
     units: Units = NEWTONS
+    turns: bool = False
+
+    @property
+    def draws(self) -> bool:
+        """Whether what it observes is drawn: AFRL's clusters, and the direction of a priority."""
+        return self.units.observations_are_published
 
     def __call__(self, mission: Mission, scenarios: list[Scenario], workers: int | None) -> Plans:
         """Return the plans of flights from some starts.

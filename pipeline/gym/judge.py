@@ -61,6 +61,8 @@ class ActingPilot:
     act: Acting
     task: Task
     source: bytes = b""
+    turns: bool = False
+    draws: bool = False
 
     def __call__(self, mission: Mission, scenarios: list[Scenario], workers: int | None) -> Plans:
         """Return the plans of flights from some starts, stepped side by side."""
