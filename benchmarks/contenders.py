@@ -29,7 +29,7 @@ NUM_WRITTEN: Final = 5
 #: of a search for rules: rounds and generations, by flights of which there are fewer; candidates of a
 #: generation; the share of flights that compares champions; the first step, a share of each range
 SHAPES: Final = ((10_000, (2, 4)), (100_000, (4, 9)), (np.inf, (8, 11)))
-POPULATION, COMPARED, STEP = 21, 0.15, 0.05
+POPULATION, COMPARED, STEP = 11, 0.15, 0.05
 #: compared with the champions of generations: what was given, as it is and as genes
 NUM_GIVEN: Final = 2
 #: how a search was flown, beside its champion
@@ -142,6 +142,11 @@ CONTENDERS: Final[Mapping[str, tuple[str, str, Train]]] = {
 VARIANTS: Final[Mapping[str, tuple[dict[str, Any], ...]]] = {
     "ppo": ({}, {"learning_rate": 1e-3}, {"num_envs": 128}, {"num_envs": 128, "learning_rate": 2e-4}),
     "sac": ({}, {"learning_rate": 1e-3}, {"gradient_steps": 8}, {"gamma": 0.98}),
-    "cma_es": ({}, {"step": 0.1}, {"hidden": 0}, {"hidden": 0, "step": 0.1}),
-    "rules": ({}, {"initial_step": 0.1}, {"initial_step": 0.025}, {"population_size": 11}),
+    "cma_es": ({}, {"step": 0.3}, {"hidden": 8}, {"hidden": 8, "step": 0.3}),
+    "rules": (
+        {},
+        {"population_size": 21},
+        {"population_size": 21, "initial_step": 0.1},
+        {"population_size": 21, "initial_step": 0.025},
+    ),
 }

@@ -49,8 +49,8 @@ class Settings(Acting):
         From which each candidate of a generation flies.
     """
 
-    hidden: int = 8
-    step: float = 0.3
+    hidden: int = 0
+    step: float = 0.1
     num_starts: int = 16
 
 

@@ -4,7 +4,7 @@ What it observes is that of `pipeline.gym.six_dof.SixDofInspectionEnv`, or of AF
 is stepped alone, one period at a time; its forces and torques are then flown like any plan.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,6 +60,15 @@ class TurningPolicy:
                 force = np.zeros(3)
             forces[0, k] = flight.turn(force, torque)
         return played(forces, AIMED._replace(torques=flight.torques))
+
+    def together(self, mission: Mission, fleets: Sequence[Sequence[Scenario]], workers: int | None) -> Floats:
+        """Refuse it: a fleet's deputies are turned by a law.
+
+        Raises
+        ------
+        ControllerError
+        """
+        raise ControllerError("the policy turns one deputy, itself; leave fleet.deputies out")
 
     def _check(self, mission: Mission, scenario: Scenario) -> None:
         """Raise ControllerError unless a mission's deputy can be turned as in the environment."""

@@ -76,6 +76,9 @@ class Pilot(Protocol):
     def __call__(self, mission: Mission, scenarios: list[Scenario], workers: int | None) -> Plans:
         """Return the forces of flights from some starts as plans, shape (m, K, 3), N, Hill axes."""
 
+    def together(self, mission: Mission, fleets: Sequence[Sequence[Scenario]], workers: int | None) -> Floats:
+        """Return the forces of the deputies of fleets, shape (m, D, K, 3), N, Hill axes."""
+
 
 @dataclass(frozen=True, eq=False)
 class _WithoutRules:
