@@ -232,6 +232,10 @@ class Training:
 
     def run(self) -> Path:
         """Train, and return the file of the policy."""
+        return write(*self.learn(), self, "policy")
+
+    def learn(self) -> tuple[PPO | SAC, PricedFlights | Goals, VecNormalize]:
+        """Train, and return the model with what it flew, and how its observations are scaled."""
         torch.set_num_threads(1)
         settings, words = self.settings, [*self.settings.words, *self.words]
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -260,7 +264,7 @@ class Training:
         )
         flights.seed(self.seed * SEEDS_APART)
         model.learn(self.steps, callback=TrainingProgress(flights, normal, self))
-        return write(model, flights, normal, self, "policy")
+        return model, flights, normal
 
 
 def layers_of(model: PPO | SAC, flights: PricedFlights | Goals, normal: VecNormalize) -> list[Layer]:
