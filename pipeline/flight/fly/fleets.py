@@ -316,10 +316,10 @@ def _check_pilot(fleet: Fleet, controller: PilotController) -> None:
             f"policy {controller.name!r} turns one deputy, itself; leave fleet.deputies out"
         )
     if others:
-        told = ", ".join(f"fleet.{name}={getattr(plain, name)}" for name in others)
+        cure = ", ".join(f"fleet.{name}={getattr(plain, name)}" for name in others)
         raise ControllerError(
             f"policy {controller.name!r} learned where each deputy knows at once which points any has seen, "
-            f"and no more; give {told}"
+            f"and no more; give {cure}"
         )
 
 
