@@ -5,12 +5,13 @@ trains from several seeds, for at most so many control periods. Their intervals 
 t), those of the others over starts. What the product's rules were trained for, `benchmarks.budget` tells.
 
 ``--rows FILE`` keeps what was judged: a row each controller or policy. What it holds is not trained again, so
-that a run goes on where another ended, or only prints; ``--picture FILE`` draws fuel and success over control
-periods and processor time.
+that a run goes on where another ended, or only prints. ``--page FILE`` writes the table into a page, behind
+its line `MARK`; ``--picture FILE`` draws fuel and success over control periods and processor time.
 """
 
 import argparse
 import json
+import re
 import shutil
 import sys
 from collections.abc import Mapping, Sequence
@@ -37,6 +38,8 @@ from plain_files.file_access import write_text
 #: controllers that come with the product: the guess that searches begin from, rules, rules that park,
 #: foresight, and a regulator
 FIXED: Final = ("aim", "champion_27", "champion_27_parked", "champion_27_rehearsed", "lqr")
+#: stands before the table of a page
+MARK: Final = "<!-- leaderboard -->"
 #: what a flight costs that fails, m/s, where settings are compared
 FAILED_M_S: Final = 1.0
 #: starts of that comparison, and the seed of its trainings, which no others have
@@ -150,7 +153,7 @@ def table(rows: Rows, task: str, cases: int) -> str:
             by_rules = row["fuel_by_rules_percent"]
             figures = [cell(row["figures"], column) for column in COLUMNS]
             told = "" if by_rules is None else f"{by_rules:.{BY_RULES[2]}f}"
-            body.append([f"`{row['name']}`", "", "", *figures, told])
+            body.append([row["name"], "", "", *figures, told])
     for budget in sorted({row["budget"] for row in judged if "budget" in row}):
         for name, (title, *_) in CONTENDERS.items():
             of_each = rows.of(task=task, cases=cases, name=name, budget=budget, is_last=True)
@@ -159,7 +162,7 @@ def table(rows: Rows, task: str, cases: int) -> str:
                 seconds = np.mean([row["processor_s"] for row in of_each])
                 periods = max(row["periods"] for row in of_each)
                 cells = [cell(figures_of_all, column) for column in COLUMNS]
-                label = f"{title}, {len(of_each)} trainings"
+                label = f"{title}, {len(of_each)} training{'s' * (len(of_each) > 1)}"
                 body.append([label, f"{periods:,}", f"{seconds:.0f}", *cells, ""])
     heads = ["", "control periods", "processor time (s)", *(words for words, _ in COLUMNS.values())]
     heads.append(BY_RULES[1])
@@ -186,6 +189,20 @@ def tune(names: Sequence[str], task: str, budget: float, folder: Path) -> None:
             )
 
 
+def with_table(page: str, made: str) -> str:
+    """Return a page with its table behind `MARK` replaced by another.
+
+    Raises
+    ------
+    ValueError
+        If it has none there.
+    """
+    pattern = re.compile(rf"({re.escape(MARK)}\n\n)(?:\|.*\n)+")
+    if not pattern.search(page):
+        raise ValueError(f"the page has no table behind {MARK}; write that line, an empty one and a table")
+    return pattern.sub(lambda match: match[1] + made, page)
+
+
 def main(arguments: Sequence[str]) -> int:
     """Judge all of them, and print a row each."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks leaderboard", description=__doc__)
@@ -203,6 +220,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--task", choices=TASKS, default="paper")
     parser.add_argument("--folder", type=Path, default=Path("outputs/leaderboard"), help="of the policies")
     parser.add_argument("--rows", type=Path, help="what was judged, kept; in the folder unless given")
+    parser.add_argument("--page", type=Path, help="a page of Markdown whose table is written anew")
     parser.add_argument("--picture", type=Path, help="draws what trainings come to with time")
     parser.add_argument("--tune", action="store_true", help="compare each learner's settings instead")
     options = parser.parse_args(arguments)
@@ -225,8 +243,10 @@ def main(arguments: Sequence[str]) -> int:
             rows.add(judged, name=name, task=options.task, cases=options.cases)
     for budget, name, seed in product(budgets, names, range(1, options.seeds + 1)):
         learn(rows, name, options.task, options.cases, budget, seed, options.folder)
-    print(f"{VERSION}, {options.task}, {options.cases} starts\n")
-    print(table(rows, options.task, options.cases))
+    made = table(rows, options.task, options.cases)
+    print(f"{VERSION}, {options.task}, {options.cases} starts\n\n{made}")
+    if options.page is not None:
+        write_text(options.page, with_table(options.page.read_text(encoding="utf-8"), made))
     if options.picture is not None:
         from benchmarks.curves import draw  # noqa: PLC0415 - brings matplotlib
 
