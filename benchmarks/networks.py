@@ -5,7 +5,9 @@ It writes that of ARCH-COMP's *Docking* (AINNCS; Ravaioli et al., 2022), from Ju
 """
 
 import argparse
+import json
 import sys
+import time
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -55,6 +57,22 @@ def write_policy(
     helper.set_model_props(whole, dict(facts))
     checker.check_model(whole)
     onnx.save(whole, path)
+
+
+def note_time(path: Path, begun: float) -> None:
+    """Write beside a policy how much processor time its training took, which differs from run to run."""
+    path.with_suffix(".json").write_text(
+        json.dumps({"processor_s": time.process_time() - begun}) + "\n", encoding="utf-8"
+    )
+
+
+def silenced(layers: Sequence[Layer], kinds: Sequence[str], silent: float) -> tuple[list[Layer], list[str]]:
+    """Return a network after which every share of a force is less by one that is too small to fire."""
+    if not silent > 0.0:
+        return list(layers), list(kinds)
+    both = np.vstack([np.eye(3), -np.eye(3)])  # what is above it, forwards and backwards; their difference
+    after = [(both, np.full(6, -silent)), (both.T, np.zeros(3))]
+    return [*layers, *after], [*kinds, RELU, LINEAR]
 
 
 def read_polar(path: Path) -> tuple[list[Layer], list[str]]:

@@ -1,7 +1,8 @@
-"""Train a policy by PPO, in an environment with Stable-Baselines3: ``python -m benchmarks.ppo FOLDER``.
+"""Train a policy by PPO or SAC, with Stable-Baselines3 installed: ``python -m benchmarks.ppo FOLDER``.
 
-Proximal policy optimization (Schulman et al., arXiv 1707.06347) of Stable-Baselines3 on the flights of
-`pipeline.gym`, on one thread. The policy is written as ONNX, at the end and at intervals, for
+Proximal policy optimization (Schulman et al., arXiv 1707.06347), or with ``--settings sac`` the soft
+actor-critic (Haarnoja et al., arXiv 1812.05905), of Stable-Baselines3 on the flights of `pipeline.gym`, on
+one thread. The policy is written as ONNX, at the end and at intervals, for
 ``controller=PATH``; `training.json` beside it describes the training.
 """
 
@@ -17,43 +18,31 @@ from typing import Any, Final
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from stable_baselines3 import PPO
+from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnvWrapper, VecNormalize
 
-from benchmarks.networks import CLIP, LINEAR, RELU, TANH, Layer, write_policy
+from benchmarks.acting import MINUTE, OUTSIDE, SEEDS_APART, Acting
+from benchmarks.networks import CLIP, TANH, Layer, note_time, silenced, write_policy
 from pipeline.gym import NormalizedObservation, ReachEnv, Reward, Task, task_of
 from pipeline.gym.stable_baselines import BaselinesVecEnv
 
-#: offset between the seeds of the starts of two trainings
-SEEDS_APART: Final = 1_000_000
-
 
 @dataclass(frozen=True)
-class Settings:
+class Settings(Acting):
     """How a policy is trained.
 
     Parameters
     ----------
     model : mapping
-        Of `PPO`.
+        Of the algorithm.
+    algorithm : str
+        ``PPO`` or ``SAC``.
     layers : tuple of int
         Widths of those that are hidden.
     log_std : float
-        Of the initial noise, a share of the greatest force.
-    words : tuple of str
-        Of the world, as on the command line.
-    decision_period_s : float, optional
-        As of the environments.
-    silent : float
-        A share of the force that is too small to fire, by which every force is less: so silence is easily
-        learned.
-    first_price, last_price : float
-        Of a m/s of fuel, with a point worth 0.1; it approaches the last geometrically between the shares
-        `dearer` of the steps, so that something is inspected before fuel is saved.
-    success : float
-        Paid once.
+        Of the initial noise, a share of the greatest force; of PPO.
     last_rate : float
         Share of the learning rate that is left in the end, to which it falls linearly.
     estimated : float
@@ -62,23 +51,18 @@ class Settings:
 
     num_envs: int
     model: Mapping[str, Any]
+    algorithm: str = "PPO"
     layers: tuple[int, ...] = (64, 64)
     log_std: float = -1.5
-    words: tuple[str, ...] = ()
-    decision_period_s: float | None = None
-    silent: float = 0.0
-    first_price: float = 0.1
-    last_price: float = 1.0
-    dearer: tuple[float, float] = (0.3, 0.9)
-    success: float = 1.0
     last_rate: float = 1.0
     estimated: float = 1.0
 
-    def price(self, done: float) -> float:
-        """Return the price of a m/s after a share of the steps."""
-        begins, ends = self.dearer
-        share = min(max((done - begins) / (ends - begins), 0.0), 1.0)
-        return self.first_price * (self.last_price / self.first_price) ** share
+    @property
+    def steps_of_round(self) -> int:
+        """Steps that are taken at least, and between two updates."""
+        if self.algorithm == "SAC":
+            return int(self.num_envs * self.model["train_freq"])
+        return int(self.num_envs * self.model["n_steps"])
 
 
 #: what AFRL's two problems are trained with alike
@@ -92,7 +76,6 @@ _OF_BOTH: Final[Mapping[str, Any]] = {
 _WIDE: Final[Mapping[str, Any]] = {"layers": (256, 256), "log_std": 0.0}
 #: AFRL's settings (safe-autonomy-sims 6d71f7e, `configs/translational-inspection` and `configs/docking`:
 #: base files with what `task.yml` overrides, for 5 and 10 million steps) with RLlib's defaults for the rest;
-#: settings that learn more from few steps; and a decision a minute
 SETTINGS: Final[Mapping[str, Settings]] = {
     "afrl": Settings(1, {**_OF_BOTH, "n_steps": 1500, "batch_size": 1500, "gamma": 0.99}, **_WIDE),
     "afrl_docking": Settings(
@@ -120,17 +103,31 @@ SETTINGS: Final[Mapping[str, Settings]] = {
             "learning_rate": 5e-4,
         },
         log_std=-2.0,
-        words=("deputy.max_force_n=0.3",),
-        decision_period_s=60.0,
-        silent=0.02,
-        first_price=0.3,
-        last_price=3.0,
-        dearer=(0.15, 0.65),
-        success=2.0,
         last_rate=0.1,
         estimated=0.3,
+        **MINUTE,
+    ),
+    "sac": Settings(
+        64,
+        {
+            "train_freq": 1,
+            "gradient_steps": 4,
+            "batch_size": 256,
+            "buffer_size": 200_000,
+            "learning_starts": 12_800,
+            "gamma": 0.995,
+            "tau": 0.005,
+            "learning_rate": 5e-4,
+        },
+        algorithm="SAC",
+        last_rate=0.1,
+        estimated=0.3,
+        **MINUTE,
     ),
 }
+
+
+ALGORITHMS: Final[Mapping[str, Any]] = {"PPO": PPO, "SAC": SAC}
 
 
 class PricedFlights(VecEnvWrapper):
@@ -228,13 +225,17 @@ class Training:
     seed: int = 1
     steps: int = 1_000_000
     words: tuple[str, ...] = ()
-    outside: float = 10.0
+    outside: float = OUTSIDE
     every: int | None = None
     #: when it began, s
     begun: float = field(default_factory=time.process_time)
 
     def run(self) -> Path:
         """Train, and return the file of the policy."""
+        return write(*self.learn(), self, "policy")
+
+    def learn(self) -> tuple[PPO | SAC, PricedFlights | Goals, VecNormalize]:
+        """Train, and return the model with what it flew, and how its observations are scaled."""
         torch.set_num_threads(1)
         settings, words = self.settings, [*self.settings.words, *self.words]
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -249,12 +250,10 @@ class Training:
         normal = VecNormalize(flights, norm_reward=False, clip_obs=np.inf)
         options = dict(settings.model)
         rate, least = options.pop("learning_rate"), settings.last_rate
-        shape = {
-            "net_arch": list(settings.layers),
-            "activation_fn": torch.nn.Tanh,
-            "log_std_init": settings.log_std,
-        }
-        model = PPO(
+        shape = {"net_arch": list(settings.layers), "activation_fn": torch.nn.Tanh}
+        if settings.algorithm == "PPO":
+            shape["log_std_init"] = settings.log_std
+        model = ALGORITHMS[settings.algorithm](
             "MlpPolicy",
             normal,
             learning_rate=lambda left: rate * (least + (1.0 - least) * left),
@@ -265,16 +264,20 @@ class Training:
         )
         flights.seed(self.seed * SEEDS_APART)
         model.learn(self.steps, callback=TrainingProgress(flights, normal, self))
-        return write(model, flights, normal, self, "policy")
+        return model, flights, normal
 
 
-def layers_of(model: PPO, flights: PricedFlights | Goals, normal: VecNormalize) -> list[Layer]:
+def layers_of(model: PPO | SAC, flights: PricedFlights | Goals, normal: VecNormalize) -> list[Layer]:
     """Return a policy's weights and biases, from observations in their units to shares of the force.
 
     The scaling of the observations, and that of the training, is merged into the first layer.
     """
-    linear = [part for part in model.policy.mlp_extractor.policy_net if isinstance(part, torch.nn.Linear)]
-    linear.append(model.policy.action_net)
+    policy: Any = model.policy
+    if isinstance(model, SAC):
+        parts, last = policy.actor.latent_pi, policy.actor.mu
+    else:
+        parts, last = policy.mlp_extractor.policy_net, policy.action_net
+    linear = [*(part for part in parts if isinstance(part, torch.nn.Linear)), last]
     layers = [
         (part.weight.detach().numpy().astype(np.float64), part.bias.detach().numpy().astype(np.float64))
         for part in linear
@@ -286,7 +289,7 @@ def layers_of(model: PPO, flights: PricedFlights | Goals, normal: VecNormalize) 
 
 
 def write(
-    model: PPO, flights: PricedFlights | Goals, normal: VecNormalize, training: Training, name: str
+    model: PPO | SAC, flights: PricedFlights | Goals, normal: VecNormalize, training: Training, name: str
 ) -> Path:
     """Write the noise-free policy as ONNX, from observations to a force in N, Hill axes.
 
@@ -294,11 +297,9 @@ def write(
     """
     settings, task = training.settings, flights.task
     layers = layers_of(model, flights, normal)
-    kinds = [*[TANH] * (len(layers) - 1), CLIP]
-    if settings.silent > 0.0:  # what is above it, forwards and backwards, and their difference
-        both = np.vstack([np.eye(3), -np.eye(3)])
-        layers += [(both, np.full(6, -settings.silent)), (both.T, np.zeros(3))]
-        kinds += [RELU, LINEAR]
+    # what SAC's network gives is squashed, what PPO's gives is clipped
+    kinds = [*[TANH] * (len(layers) - 1), TANH if isinstance(model, SAC) else CLIP]
+    layers, kinds = silenced(layers, kinds, settings.silent)
     described = {
         "seed": training.seed,
         "steps": training.steps,
@@ -315,6 +316,7 @@ def write(
         facts["decision_period_s"] = f"{settings.decision_period_s:g}"
     path = training.folder / f"{name}.onnx"
     write_policy(layers, kinds, task.mission.deputy.max_force_n, path, facts)
+    note_time(path, training.begun)
     return path
 
 
@@ -363,7 +365,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--every", type=int, default=100_000, help="steps between two that are written")
     parser.add_argument("--settings", choices=list(SETTINGS), default="ours")
     parser.add_argument("--price", type=float, help="of a m/s in the end; a point is worth 0.1")
-    parser.add_argument("--outside", type=float, default=10.0, help="taken away outside the limits")
+    parser.add_argument("--outside", type=float, default=OUTSIDE, help="taken away outside the limits")
     parser.add_argument("words", nargs="*", help="of the world, such as world=afrl deputy.max_force_n=0.02")
     options = parser.parse_args(arguments)
     settings = SETTINGS[options.settings]

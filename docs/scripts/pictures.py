@@ -30,6 +30,7 @@ PROJECT = Path(__file__).resolve().parents[2]
 IMAGES = PROJECT / "docs" / "images"
 HASHES = Path(__file__).with_suffix(".json")
 FIELD, RESULTS = "docs/results/field.md", "docs/reference/results.md"
+ROWS = "docs/results/leaderboard.json"
 
 
 def flight(_: Path) -> None:
@@ -96,6 +97,12 @@ def field(_: Path) -> None:
         figure = compared(panels, 0.0, ((0.06, 13.0), (118.0, 0.22)))
         figure.axes[0].set_ylabel("success as its authors count (%)")
     (IMAGES / "field.png").write_bytes(save(figure, "field", 150).png)
+
+
+def leaderboard(_: Path) -> None:
+    """Draw what trainings of the leaderboard come to with time, from the rows that are kept."""
+    words = ("leaderboard", "--seeds", 0, "--cases", 300, "-c", "lqr", "--rows", ROWS)
+    python("benchmarks", *words, "--picture", IMAGES / "leaderboard.png")
 
 
 def front(scratch: Path) -> None:
@@ -178,7 +185,7 @@ MAKERS: dict[str, Callable[[Path], None]] = {
     maker.__name__: maker
     for maker in (
         *(flight, replay, satellite, campaign, comparison),
-        *(field, front, safety, tour, review, edit),
+        *(field, leaderboard, front, safety, tour, review, edit),
     )
 }
 SCENE, FIGURES, CONTROLLERS = "telemetry/scene", "pipeline/report/figures", "conf/controller"
@@ -190,6 +197,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "campaign": (SCENE, f"{CONTROLLERS}/paper_champion.yaml"),
     "comparison": (f"{FIGURES}/comparison.py", f"{FIGURES}/style.py", RESULTS),
     "field": (f"{FIGURES}/comparison.py", f"{FIGURES}/style.py", FIELD),
+    "leaderboard": ("benchmarks/curves.py", f"{FIGURES}/style.py", ROWS),
     "front": (f"{FIGURES}/comparison.py", f"{FIGURES}/style.py", "conf/optimizer/front.yaml"),
     "safety": (f"{FIGURES}/trajectories.py", f"{FIGURES}/style.py", f"{CONTROLLERS}/paper_octants.yaml"),
     "tour": ("benchmarks/champion.py", f"{FIGURES}/trajectories.py", f"{CONTROLLERS}/champion_leo.yaml"),

@@ -1,5 +1,6 @@
 """The layers of a policy, built up operator by operator, and counted before anything is allocated."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -11,9 +12,17 @@ from pipeline.flight.fly.stepping import NUM_SEEN
 
 #: limits of a network: numbers in its layers, and multiplications to read it
 MOST_NUMBERS, MOST_STEPS = 8 << 20, 4_000_000_000
-#: what a policy gives: a force along each axis; or for each axis how good each of three levels is
+#: what a policy gives: a force along each axis; or for each axis how good each of three levels is;
 NUM_FORCES: Final = 3
 NUM_LEVELS: Final = 3
+#: or, where it turns the deputy, a force along each body axis and a torque about each
+NUM_TURNING: Final = 6
+#: the same in words
+GIVEN: Final[Mapping[int, str]] = {
+    NUM_FORCES: "three forces along Hill axes",
+    NUM_FORCES * NUM_LEVELS: "three numbers for each of three forces along Hill axes",
+    NUM_TURNING: "three forces along body axes and three torques",
+}
 
 
 class UnreadableError(ValueError):
@@ -104,9 +113,8 @@ class Chain:
         self.close(LINEAR)
         layers = self.layers
         if self.width != num_outputs:
-            what = "three forces" if num_outputs == NUM_FORCES else "three numbers for each of three forces"
             raise UnreadableError(
-                f"it answers with {self.width} numbers; a policy gives {what} along Hill axes"
+                f"it answers with {self.width} numbers; a policy gives {GIVEN[num_outputs]}"
             )
         widths = [self.num_seen, *(len(layer.bias) for layer in layers)]
         return Network(

@@ -5,7 +5,7 @@ These are then flown like any plan, which gives the same flights to the last dig
 other controllers does not depend on policies, nor does its compilation.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import erfc, exp, expm1, log1p, pi, sqrt, tanh
 from typing import NamedTuple
@@ -18,6 +18,7 @@ from pipeline.flight.control.controller import ControllerError
 from pipeline.flight.control.law import played
 from pipeline.flight.fly.plain import is_interpreted
 from pipeline.flight.fly.published import PublishedView, num_published
+from pipeline.flight.fly.stepped_fleet import SteppedFleet
 from pipeline.flight.fly.stepping import (
     NUM_UNSEEN,
     VELOCITY,
@@ -140,6 +141,15 @@ def answer(network: Network, seen: Floats, work: Floats, outputs: Floats) -> Non
             outputs[row, column] = work[now, column]
 
 
+def _check_stepped(mission: Mission) -> None:
+    """Raise ControllerError if a mission cannot be stepped one period at a time."""
+    if is_interpreted(mission):
+        raise ControllerError(
+            "a policy decides in flights that guidance.engine=sklearn cannot fly; choose "
+            "guidance.engine=compiled"
+        )
+
+
 #: flights evaluated together
 BLOCK = 128
 
@@ -152,6 +162,12 @@ class Policy:
     network: Network
     source: bytes  # the file it was read from
     units: Units = NEWTONS
+    turns: bool = False
+
+    @property
+    def draws(self) -> bool:
+        """Whether what it observes is drawn: AFRL's clusters, and the direction of a priority."""
+        return self.units.observations_are_published
 
     def __call__(self, mission: Mission, scenarios: list[Scenario], workers: int | None) -> Plans:
         """Return the plans of flights from some starts.
@@ -161,11 +177,7 @@ class Policy:
         ControllerError
             If the mission cannot be stepped one period at a time.
         """
-        if is_interpreted(mission):
-            raise ControllerError(
-                "a policy decides in flights that guidance.engine=sklearn cannot fly; choose "
-                "guidance.engine=compiled"
-            )
+        _check_stepped(mission)
         forces = np.zeros((len(scenarios), mission.num_controls, 3))
 
         def decide(first: int) -> None:
@@ -173,6 +185,25 @@ class Policy:
 
         in_threads(decide, range(0, len(scenarios), BLOCK), workers=workers)
         return played(forces)
+
+    def together(self, mission: Mission, fleets: Sequence[Sequence[Scenario]], workers: int | None) -> Floats:
+        """Return the forces of the deputies of fleets, (m, D, K, 3); each deputy asks the policy for its own.
+
+        Raises
+        ------
+        ControllerError
+            As for one deputy, and if the policy has AFRL's observations, which are of one.
+        """
+        _check_stepped(mission)
+        if self.units.observations_are_published:
+            raise ControllerError("the policy observes as AFRL's agents, alone; leave fleet.deputies out")
+        forces = np.zeros((len(fleets), len(fleets[0]), mission.num_controls, 3))
+
+        def decide(case: int) -> None:
+            self._decide(mission, list(fleets[case]), forces[case], SteppedFleet)
+
+        in_threads(decide, range(len(fleets)), workers=workers)
+        return forces
 
     def _periods_between(self, mission: Mission) -> int:
         try:
@@ -229,12 +260,18 @@ class Policy:
             return np.asarray(np.clip(outputs, -1.0, 1.0) * mission.deputy.max_force_n)
         return outputs.copy()
 
-    def _decide(self, mission: Mission, scenarios: list[Scenario], forces: Floats) -> None:
-        """Fly all starts side by side and write the forces decided in each control period."""
+    def _decide(
+        self,
+        mission: Mission,
+        scenarios: list[Scenario],
+        forces: Floats,
+        stepped: type[SteppedFlights] = SteppedFlights,
+    ) -> None:
+        """Fly all starts side by side, or as one fleet, and write the forces of each control period."""
         is_tilted = any(scenario.sun_elevation_rad != 0.0 for scenario in scenarios)
         if self.units.observations_are_published:
             self._check_published(mission, is_tilted=is_tilted)
-        flights = SteppedFlights(mission, len(scenarios), is_tilted=is_tilted)
+        flights = stepped(mission, len(scenarios), is_tilted=is_tilted)
         for flight, scenario in enumerate(scenarios):
             flights.start(flight, scenario)
         observe = self._observer(mission, scenarios, flights)

@@ -12,12 +12,14 @@ from typing import Any, Final
 import numpy as np
 
 from pipeline.controllers.graph import Graph
-from pipeline.controllers.layers import NUM_FORCES, NUM_LEVELS, UnreadableError
+from pipeline.controllers.layers import NUM_FORCES, NUM_LEVELS, NUM_TURNING, UnreadableError
 from pipeline.controllers.learned import Network, Policy, Units
 from pipeline.controllers.levels import before_levels
 from pipeline.controllers.operators import ChainReader
+from pipeline.controllers.turning import TurningPolicy
 from pipeline.flight.control.controller import Controller, ControllerError, PilotController
-from pipeline.flight.fly.published import NUM_OF_PRIORITY, NUM_PUBLISHED
+from pipeline.flight.fly.published import NUM_OF_PRIORITY, NUM_OF_TURNING, NUM_PUBLISHED
+from pipeline.flight.fly.six_dof import NUM_OBSERVED
 from pipeline.flight.fly.stepping import NUM_SEEN
 from plain_files.file_access import read_bytes
 
@@ -35,8 +37,10 @@ METADATA: Final[Mapping[str, tuple[str, ...]]] = {
 }
 #: the metadata that are numbers: the force of a level, N, and the time between decisions, s
 LEVELS, DECISION_PERIOD = "levels_n", "decision_period_s"
-#: how many numbers are observed with six degrees of freedom: by AFRL's agents, and by ours
-SIX_DOF: Final = (22, 24)
+#: how many numbers AFRL's agents observe
+PUBLISHED: Final = (NUM_PUBLISHED, NUM_PUBLISHED + NUM_OF_PRIORITY)
+#: how many are observed with six degrees of freedom: by AFRL's agents, and by ours
+SIX_DOF: Final = (*(width + NUM_OF_TURNING for width in PUBLISHED), NUM_OBSERVED)
 #: the metadata that names the output of the forces
 OUTPUT: Final = "output"
 CURE: Final = "onnx.helper.set_model_props(model, {...}) sets it"
@@ -86,7 +90,8 @@ def policy_of(name: str, source: bytes, label: str, weights: bytes | None = None
             network = _network(model, units)
     except UnreadableError as error:
         raise ControllerError(f"{label} cannot fly: {error}") from error
-    return PilotController(name, Policy(network, source, units))
+    kind = TurningPolicy if network.widths[-1] == NUM_TURNING else Policy
+    return PilotController(name, kind(network, source, units))
 
 
 def _parse(source: bytes) -> Any:
@@ -176,12 +181,10 @@ def _network(model: Any, units: Units) -> Network:
             f"it has more than {MOST_PARTS:,} operators and constants; a policy is a small network"
         )
     graph = Graph(model.graph, dict(_tensors(model.graph)), _values)
-    if (width := _input_width(model, graph.input)) in SIX_DOF:
-        raise UnreadableError(
-            f"it takes the {width} numbers of flights with six degrees of freedom, in which a policy turns "
-            "the deputy; here a law of its own turns it: fly the policy in pipeline.gym.SixDofInspectionEnv"
-        )
-    is_published = units.observations_are_published
+    width, is_published = _input_width(model, graph.input), units.observations_are_published
+    if width in SIX_DOF:
+        _check_turning(width, units)
+        return ChainReader(graph, width).follow(_output(model, NUM_TURNING), NUM_TURNING)
     reader = ChainReader(graph, _num_published(width) if is_published else NUM_SEEN)
     if units.levels_n is None:
         return reader.follow(_output(model, NUM_FORCES), NUM_FORCES)
@@ -195,13 +198,27 @@ def _input_width(model: Any, name: str) -> int:
     return width
 
 
+def _check_turning(width: int, units: Units) -> None:
+    """Raise UnreadableError unless units are those of a policy that turns the deputy."""
+    if (width != NUM_OBSERVED) != units.observations_are_published:
+        are = "published" if width != NUM_OBSERVED else "physical"
+        raise UnreadableError(
+            f"it takes the {width} numbers of a deputy that turns itself; its metadata observations must be "
+            f"{are} ({CURE})"
+        )
+    if units.levels_n is not None or units.observations_are_normalized:
+        raise UnreadableError(
+            "with six degrees of freedom observations are not normalized, nor forces levels; leave these "
+            f"metadata out ({CURE})"
+        )
+
+
 def _num_published(width: int) -> int:
     """Return how many of the numbers that AFRL's agents observe an input of a declared width takes."""
-    known = (NUM_PUBLISHED, NUM_PUBLISHED + NUM_OF_PRIORITY)
-    if width not in known:
+    if width not in PUBLISHED:
         raise UnreadableError(
-            f"its input has the declared width {width}; of AFRL's observations there are {known[0]}, or "
-            f"{known[1]} where points have a priority"
+            f"its input has the declared width {width}; of AFRL's observations there are {PUBLISHED[0]}, or "
+            f"{PUBLISHED[1]} where points have a priority"
         )
     return width
 

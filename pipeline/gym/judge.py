@@ -16,13 +16,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named, sha256_of
 from pipeline.evaluation.beside_optimum import beside_optimum, summarise_times
 from pipeline.evaluation.comparison import percent_ahead
 from pipeline.evaluation.monte_carlo import SUCCESS, episode_columns, fly_cases, fly_followed, summarise
 from pipeline.evaluation.statistics import statistic
-from pipeline.flight.control.controller import Controller, PilotController
+from pipeline.flight.control.controller import Controller, ControllerError, PilotController
 from pipeline.flight.control.law import played
 from pipeline.flight.fly.stepping import SteppedFlights
 from pipeline.flight.state.arrays import Plans
@@ -61,6 +62,8 @@ class ActingPilot:
     act: Acting
     task: Task
     source: bytes = b""
+    turns: bool = False
+    draws: bool = False
 
     def __call__(self, mission: Mission, scenarios: list[Scenario], workers: int | None) -> Plans:
         """Return the plans of flights from some starts, stepped side by side."""
@@ -74,6 +77,10 @@ class ActingPilot:
             forces[:, k] = self.task.forces(self.act(flights.seen), len(scenarios))
             flights.step(forces[:, k])
         return played(forces)
+
+    def together(self, mission: Mission, fleets: Sequence[Sequence[Scenario]], workers: int | None) -> Floats:
+        """Refuse it: no task is of a fleet."""
+        raise ControllerError("a function of observations flies one deputy; leave fleet.deputies out")
 
 
 def judge(

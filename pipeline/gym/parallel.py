@@ -13,11 +13,12 @@ from gymnasium.spaces import Space
 from numpy.typing import NDArray
 
 from pipeline.array_types import Booleans, Floats
+from pipeline.flight.fly.six_dof import POSITION
 from pipeline.flight.fly.stepped_fleet import SteppedFleet
 from pipeline.flight.state.log import Scenario
 from pipeline.gym.env import Observation, ReachEnv, ReachReward, require_episode
 from pipeline.gym.episodes import AFRL, Episodes, Reward, Task, obeyed, task_of
-from pipeline.gym.six_dof import AFRL_SIX_DOF, AFRL_SIX_DOF_FLEET, POSITION, SixDofInspectionEnv, SixDofReward
+from pipeline.gym.six_dof import AFRL_SIX_DOF, AFRL_SIX_DOF_FLEET, SixDofInspectionEnv, SixDofReward
 from pipeline.scenarios import PRIORITY, direction_of
 
 try:

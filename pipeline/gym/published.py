@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
 from pipeline.flight.fly.published import NUM_OF_PRIORITY, PublishedView
+from pipeline.flight.fly.six_dof import RATE
 from pipeline.flight.world.surface import surface_of
 from pipeline.gym.env import InspectionEnv
-from pipeline.gym.six_dof import RATE, SixDofInspectionEnv
+from pipeline.gym.six_dof import SixDofInspectionEnv
 
 
 class PublishedObservation(gymnasium.Wrapper[NDArray[np.float64], NDArray[Any], Any, NDArray[Any]]):

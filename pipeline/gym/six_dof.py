@@ -18,25 +18,29 @@ from scipy.spatial.transform import Rotation
 from fis_tools.compiled.decorator import compiled, plainly
 from fis_tools.compiled.three import Three, three_of, times
 from pipeline.array_types import Booleans, Floats
-from pipeline.flight.fly.published import priority_weights
+from pipeline.flight.fly.six_dof import (
+    ATTITUDE,
+    MOST_RATE,
+    NUM_OBSERVED,
+    POSITION,
+    RATE,
+    TIME_LEFT,
+    VELOCITY,
+    WEIGHT_INSPECTED,
+    SixDofView,
+)
 from pipeline.flight.state.log import Scenario
-from pipeline.flight.world.chief import chief_attitudes
 from pipeline.flight.world.pack import optics_of
 from pipeline.flight.world.surface import surface_of
 from pipeline.gym.env import Started, checked_options, require_episode
 from pipeline.gym.episodes import AFRL_WEIGHTED, Reward, nearest_in_orbit, obeyed, shares_of, task_of
 from pipeline.physics.attitude import euler
-from pipeline.physics.illumination import sun_angle, sun_direction_h
 from pipeline.physics.quaternion import dcm_b_from_h, derivative, normalised
-from pipeline.physics.sight import is_resolved, is_sunlit
+from pipeline.physics.sight import is_resolved
 from pipeline.scenarios import PRIORITY, direction_of
 
 #: parts of a mission that this environment does not fly
 LEFT_OUT: Final = ("safety", "navigation", "actuators", "dynamics")
-#: observations in this order, vectors along Hill axes: position (m), velocity (m/s), attitude from Hill to
-#: body axes, inertial rate (rad/s, body axes), directions to the Sun, to the mean of the points that are lit
-#: and not inspected, and of the priority; weight inspected, time left (s)
-NUM_OBSERVED: Final = 24
 
 
 @dataclass(frozen=True)
@@ -66,12 +70,6 @@ class SixDofReward(Reward):
 AFRL_SIX_DOF: Final = SixDofReward(**asdict(AFRL_WEIGHTED) | {"per_delta_v": 0.005, "too_far": 1.0})
 #: of their WeightedSixDofMultiInspectionEnv
 AFRL_SIX_DOF_FLEET: Final = replace(AFRL_SIX_DOF, per_delta_v=0.001, faces_by_angles=True)
-
-
-#: where a state has its parts: position (m) and velocity (m/s), Hill axes; attitude; inertial rate (rad/s)
-POSITION, VELOCITY, ATTITUDE, RATE = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13)
-#: and an observation, after it, weight inspected and time left (s)
-WEIGHT_INSPECTED, TIME_LEFT = 22, 23
 
 
 @compiled
@@ -121,7 +119,7 @@ def slopes(
 
 
 class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
-    """Inspect the chief with a camera along +x of the body; see `NUM_OBSERVED` for what is observed.
+    """Inspect the chief with a camera along +x of the body; see `pipeline.flight.fly.six_dof`.
 
     An action is six shares from -1 to 1, of the greatest force along each body axis and of the greatest
     torque about each, held for a control period. The deputy starts with its body along Hill axes, at rest
@@ -142,7 +140,7 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         self,
         overrides: Sequence[str] = ("world=afrl_six_dof",),
         reward: SixDofReward = AFRL_SIX_DOF,
-        max_rate_rad_s: float = 0.034907,
+        max_rate_rad_s: float = MOST_RATE,
     ) -> None:
         self.task = task_of(obeyed(overrides), reward)
         self._reward, self._max_rate = reward, max_rate_rad_s
@@ -158,9 +156,8 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
             raise ValueError(f"{reason}: this is not flown with six degrees of freedom; leave it out")
         self.observation_space = self._space()
         self.action_space = Box(-1.0, 1.0, (6,), np.float32)
-        self._surface, self._optics = surface_of(mission), optics_of(mission)
+        self._surface, self._optics, self._view = surface_of(mission), optics_of(mission), SixDofView(mission)
         self._inertia = np.array(mission.deputy.inertia_kg_m2)
-        self._chief = chief_attitudes(mission)
         self._is_over: bool | None = None  # before the first episode
 
     def _space(self) -> "Box[np.float32]":
@@ -181,14 +178,11 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         scenario: Scenario = options.get("scenario") or self.task.draw(self.np_random)
         priority = options.get("priority")
         self.priority = direction_of(scenario.generator(PRIORITY)) if priority is None else priority
-        num_points = len(self._surface.points)
-        self._weights = np.full(num_points, 1.0 / num_points)
-        if self._mission.chief.weights == "priority":
-            self._weights = priority_weights(self._surface.points, self.priority)
+        self._weights = self._view.weights(self.priority)
         self.scenario, self.num_flown, self._spent, self._paid = scenario, 0, 0.0, 0.0
         turned = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
         self._state = np.concatenate((scenario.position_m, scenario.velocity_m_s, turned))
-        self._is_inspected = np.zeros(num_points, dtype=np.bool_)
+        self._is_inspected = np.zeros(len(self._weights), dtype=np.bool_)
         self._look()
         self._is_over = False
         return self._observed(), self._info()
@@ -205,7 +199,7 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         Returns
         -------
         observation : (24,) array of float32
-            See `NUM_OBSERVED`.
+            See `pipeline.flight.fly.six_dof.NUM_OBSERVED`.
         reward : float
         terminated : bool
             In the chief, or enough of the weight is inspected.
@@ -286,30 +280,21 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         return self.weight_inspected >= self._mission.inspection_threshold_percent / 100.0
 
     @property
-    def _sun(self) -> Floats:
-        """The unit vector towards the Sun, Hill axes."""
-        mission = self._mission
-        time = self.num_flown * mission.control_period_s
-        return np.asarray(
-            sun_direction_h(sun_angle(self.scenario.sun_angle_rad, mission.orbit.mean_motion_rad_s, time))
-        )
-
-    @property
     def _camera(self) -> Floats:
         """The direction in which the camera looks, Hill axes."""
         return np.asarray(dcm_b_from_h(normalised(self._state[ATTITUDE]))[0])
 
     def _look(self) -> None:
         """Inspect what is lit and in view, in the chief's axes, by the formulas of every flight."""
-        axes, optics = dcm_b_from_h(self._chief[self.num_flown]), self._optics
-        position, camera, sun = axes @ self._state[POSITION], axes @ self._camera, axes @ self._sun
+        axes, optics = self._view.axes(self.num_flown), self._optics
+        position, camera = axes @ self._state[POSITION], axes @ self._camera
         points, normals = self._surface.points, self._surface.normals
         apart, height = points - position, np.sum(normals * points, axis=1)
+        is_lit = self._view.is_lit(self.num_flown, self.scenario.sun_angle_rad)
         with plainly("pipeline"):
-            self._is_lit = np.asarray(is_sunlit(normals @ sun + optics.past_terminator, height))
             squared = np.sum(apart * apart, axis=1)
             seen = is_resolved(optics, normals @ position - height, apart @ camera, squared)
-        self._is_inspected |= self._is_lit & np.asarray(seen)
+        self._is_inspected |= is_lit & np.asarray(seen)
 
     def _for_this_step(self) -> float:
         """Return the reward for being alive and for facing the chief."""
@@ -324,14 +309,11 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         return gained
 
     def _observed(self) -> NDArray[np.float32]:
-        """Return the observation: state, directions (Sun, target, priority), weight inspected, time left."""
-        axes, is_wanted = dcm_b_from_h(self._chief[self.num_flown]), self._is_lit & ~self._is_inspected
-        target = self._surface.points[is_wanted].sum(axis=0) @ axes
-        length = max(float(np.linalg.norm(target)), 1e-9)
-        left = (self._mission.num_controls - self.num_flown) * self._mission.control_period_s
-        state, directions = self._state, (self._sun, target / length, self.priority @ axes)
-        parts = state[POSITION], state[VELOCITY], state[ATTITUDE], state[RATE], *directions
-        return np.concatenate((*parts, [self.weight_inspected, left])).astype(np.float32)
+        """Return the observation, see `pipeline.flight.fly.six_dof.NUM_OBSERVED`."""
+        seen = self._view.seen(
+            self.num_flown, self._state, self.scenario.sun_angle_rad, self._is_inspected, self.priority
+        )
+        return seen.astype(np.float32)
 
     def _info(self) -> dict[str, Any]:
         """Return facts beside the observation: delta-v, m/s, points and weight inspected, success."""

@@ -23,6 +23,7 @@ TASKS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {
         "paper": ("sun=random",),
         "parked": ("sun=random", f"after_s={THREE_ORBITS_S}"),
+        "satellite": ("sun=random", "chief=satellite", "light=shadow"),
         "leo": ("world=leo",),
         "leo_real": ("world=leo", "navigation=fixes", "actuators=real"),
         "afrl": ("world=afrl",),

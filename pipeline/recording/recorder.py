@@ -108,7 +108,8 @@ class FlightRecorder:
             self._attachments[topics.CHIEF_ATTACHMENT] = stl_of(corners)
         # whether flights depend on what their cases have drawn besides the start
         has_errors = mission.navigation.mode == "fixes" or mission.actuators.kind == "real"
-        self._is_noisy = has_errors or bool(mission.dispersions)
+        draws = isinstance(controller, PilotController) and controller.pilot.draws
+        self._is_noisy = has_errors or draws or bool(mission.dispersions)
 
     def _enter(self, mission: Mission) -> None:
         """Prepare what flights of a mission share."""

@@ -65,8 +65,19 @@ class Pilot(Protocol):
     def source(self) -> bytes:
         """The file it was read from, for recordings."""
 
+    @property
+    def turns(self) -> bool:
+        """Whether it turns the deputy itself, by torques; it then gives the plans of one flight at a time."""
+
+    @property
+    def draws(self) -> bool:
+        """Whether what it observes depends on a case's random numbers."""
+
     def __call__(self, mission: Mission, scenarios: list[Scenario], workers: int | None) -> Plans:
         """Return the forces of flights from some starts as plans, shape (m, K, 3), N, Hill axes."""
+
+    def together(self, mission: Mission, fleets: Sequence[Sequence[Scenario]], workers: int | None) -> Floats:
+        """Return the forces of the deputies of fleets, shape (m, D, K, 3), N, Hill axes."""
 
 
 @dataclass(frozen=True, eq=False)

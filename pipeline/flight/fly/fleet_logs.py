@@ -9,7 +9,7 @@ from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import borrowed
 from pipeline.array_types import Bytes, Floats
 from pipeline.flight.cases.starts import cases_of
-from pipeline.flight.control.controller import Controller
+from pipeline.flight.control.controller import Controller, PilotController, open_loop
 from pipeline.flight.control.law import law_of
 from pipeline.flight.fly.fleets import Messages, fly_all_fleets, opened, room_for_messages
 from pipeline.flight.fly.logged import write_period, write_sample
@@ -147,10 +147,14 @@ def fly_logged_fleet(mission: Mission, controller: Controller, scenario: Scenari
     messages = room_for_messages(mission, 1)
     fly_all_fleets(mission, controller, [scenario], 1, messages=messages)
     flown, openings = opened(mission, controller, [scenario], 1)
+    each = [flown] * len(scenario.fleet)
+    if isinstance(controller, PilotController):
+        (forces,) = controller.pilot.together(mission.of_each, [scenario.fleet], 1)
+        each = [open_loop(controller.name, plan) for plan in forces]
     return [
         DeputyLog(
             row + 1,
-            _fly_heeding(mission, flown, start, messages, row, openings[row : row + 1]),
+            _fly_heeding(mission, each[row], start, messages, row, openings[row : row + 1]),
             messages.seen_by[0],
             messages.left_to[0, row],
             messages.shown[0, row],

@@ -4,7 +4,7 @@ The period is that of `pipeline.flight.period.steps`; the exchange stands betwee
 alone flies by `pipeline.flight.fly.many`, whose code knows nothing of this.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import inf, sqrt
 from typing import Annotated, NamedTuple
 
@@ -17,8 +17,14 @@ from fis_tools.engines.kernel import LANES
 from fis_tools.processors import num_processors
 from pipeline.array_types import Bytes, Floats
 from pipeline.flight.cases.starts import cases_of
-from pipeline.flight.control.controller import Controller, ControllerError, OpenLoopController, RuleController
-from pipeline.flight.control.law import law_of, rehearsed_pushes
+from pipeline.flight.control.controller import (
+    Controller,
+    ControllerError,
+    OpenLoopController,
+    PilotController,
+    RuleController,
+)
+from pipeline.flight.control.law import law_of, played, rehearsed_pushes
 from pipeline.flight.fly.divided import divided_openings, driven
 from pipeline.flight.fly.many import (
     NO_TRACKS,
@@ -290,6 +296,9 @@ def check_controller(mission: Mission, controller: Controller) -> None:
     """Raise ControllerError for a controller that plans ahead as if it were alone, or for what is not so."""
     refused = f"controller {controller.name!r} plans for one deputy, and fleet.deputies is above 1; "
     cure = "choose one that goes by its rules alone, such as champion_27, or leave fleet.deputies out"
+    if isinstance(controller, PilotController):
+        _check_pilot(mission.fleet, controller)
+        return
     if not isinstance(controller, RuleController | OpenLoopController):
         raise ControllerError(refused + cure)
     if foresees(controller):
@@ -301,6 +310,22 @@ def check_controller(mission: Mission, controller: Controller) -> None:
             )
     elif tour_images(controller) or len(rehearsed_pushes(controller)):
         raise ControllerError(refused + cure)
+
+
+def _check_pilot(fleet: Fleet, controller: PilotController) -> None:
+    """Raise ControllerError unless a fleet's deputies observe what those of the learners' environment do."""
+    plain = Fleet(deputies=fleet.deputies, sharing="mask")
+    others = [each.name for each in fields(plain) if getattr(fleet, each.name) != getattr(plain, each.name)]
+    if controller.pilot.turns:
+        raise ControllerError(
+            f"policy {controller.name!r} turns one deputy, itself; leave fleet.deputies out"
+        )
+    if others:
+        cure = ", ".join(f"fleet.{name}={getattr(plain, name)}" for name in others)
+        raise ControllerError(
+            f"policy {controller.name!r} learned where each deputy knows at once which points any has seen, "
+            f"and no more; give {cure}"
+        )
 
 
 def fly_all_fleets(
@@ -369,6 +394,9 @@ def _fly(
     deputies, alone = mission.fleet.deputies, mission.of_each
     world, law = pack_world(alone), law_of(controller, alone)
     cases = cases_of(alone, [start for case in scenarios for start in case.fleet])
+    if isinstance(controller, PilotController):
+        forces = controller.pilot.together(alone, [case.fleet for case in scenarios], workers)
+        law = law._replace(plans=played(forces.reshape(-1, *forces.shape[2:])))
     parts, flights, inspectable = flights_of(world, law, controller.numbers, cases, openings)
     count, num_points = len(scenarios), world.num_points
     num_inspectable = inspectable[::deputies, :num_points].sum(axis=1, dtype=np.int64)
@@ -397,8 +425,8 @@ def _fly(
     works = [make_workspace(world, lanes) for _ in range(workers)]
     in_threads(fly_shares, exchanges, states, works, workers=workers)
     rows = results.outcomes.reshape(count, deputies, NUM_OUTCOMES)
-    forces = np.minimum(np.abs(openings[..., :3]) * (openings[..., 3:] > 0.0), world.max_force)
-    ahead = forces.sum(axis=(1, 2)) * world.delta_v_per_force if len(openings) else np.zeros(len(cases))
+    planned = np.minimum(np.abs(openings[..., :3]) * (openings[..., 3:] > 0.0), world.max_force)
+    ahead = planned.sum(axis=(1, 2)) * world.delta_v_per_force if len(openings) else np.zeros(len(cases))
     each = outcomes_of(rows, num_inspectable[:, np.newaxis], ahead.reshape(count, deputies))
     return _together(mission, each, results)
 

@@ -19,9 +19,9 @@ from pipeline.settings.experiment import Mission
 #: points of a cluster, about, and the tolerance of k-means, as theirs
 POINTS_OF_CLUSTER: Final = 10
 TOLERANCE: Final = 1e-4
-#: how many numbers are observed of a deputy that turns by itself, and how many more where points have a
-#: priority
-NUM_PUBLISHED, NUM_OF_PRIORITY = 11, 4
+#: how many numbers are observed, how many more where points have a priority, and how many of a deputy that
+#: turns itself: its rate and attitude
+NUM_PUBLISHED, NUM_OF_PRIORITY, NUM_OF_TURNING = 11, 4, 7
 
 
 def priority_weights(points: Floats, priority: Floats) -> Floats:

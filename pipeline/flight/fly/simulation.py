@@ -56,10 +56,7 @@ def fly_all(
     """
     if mission.flight == "reference":
         return _fly_all_by_reference(mission, controller, scenarios, workers, tracks)
-    if distributions(mission.dispersions):
-        groups = [
-            (case_mission, controller, flights) for case_mission, flights in groups_of(mission, scenarios)
-        ]
+    if groups := _groups_apart(mission, controller, scenarios):
         return _fly_groups(groups, scenarios, workers, tracks)
     check_flown_ahead(mission, controller)
     if isinstance(controller, RuleController) and foresees(controller):
@@ -85,6 +82,18 @@ def fly_all(
             world, law, numbers, cases, workers, tracks, openings, lanes, changes=controller.changes
         )
     return many.each(lambda values: values[0])
+
+
+def _groups_apart(
+    mission: Mission, controller: Controller, scenarios: list[Scenario]
+) -> list[tuple[Mission, Controller, list[int]]]:
+    """Return groups of cases that cannot fly side by side; none where all can."""
+    if distributions(mission.dispersions):
+        return [(settings, controller, flights) for settings, flights in groups_of(mission, scenarios)]
+    if isinstance(controller, PilotController) and controller.pilot.turns and len(scenarios) > 1:
+        # all that fly side by side play the same torques
+        return [(mission, controller, [flight]) for flight in range(len(scenarios))]
+    return []
 
 
 def _fly_foreseen(
@@ -255,7 +264,8 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
         from pipeline.flight.fly import reference  # noqa: PLC0415 - as above
 
         if isinstance(controller, PilotController):
-            controller = open_loop(controller.name, controller.pilot(mission, [scenario], 1).forces[0])
+            plans = controller.pilot(mission, [scenario], 1)
+            controller = open_loop(controller.name, plans.forces[0], turns=plans.turns)
         given = None if openings is None else openings[0]
         log = reference.fly_by_reference(mission, controller, scenario, given)
         check_finite(log.position_m, log.velocity_m_s, log.quaternion_b_from_h, log.force_hill_n)

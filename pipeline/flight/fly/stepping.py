@@ -204,7 +204,7 @@ class SteppedFlights:
             self._optics,
             world.has_clusters or None,
             self._errors,
-            played(np.zeros((0, mission.num_controls, 3))),
+            self._plans(mission.num_controls),
             self._starts,
             self._counted,
             *others,
@@ -215,6 +215,10 @@ class SteppedFlights:
             self.observed,
         )
         self._step = self.stepper.prepared(*self._arguments)
+
+    def _plans(self, num_controls: int) -> Plans:
+        """Return what is played beside the forces that are given: nothing."""
+        return played(np.zeros((0, num_controls, 3)))
 
     def _allocated(self) -> tuple[Any, ...]:
         """Return the states of all flights, and what else `stepper` takes before them."""

@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.flight.control.controller import coast
 from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.fly.six_dof import POSITION
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points
 from pipeline.gym import AFRL, AFRL_WEIGHTED, InspectionEnv, SixDofInspectionEnv, task_of
-from pipeline.gym.six_dof import POSITION
 from pipeline.scenarios import evaluation_scenarios
 from tests.places import PROJECT
 

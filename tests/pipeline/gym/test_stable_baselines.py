@@ -3,6 +3,8 @@
 It brings torch, of 200 MB and more; where it is not installed, its own classes are left out, by name.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -158,6 +160,7 @@ def test_a_policy_that_the_benchmark_writes_fires_what_its_model_does(baselines,
     model.policy.action_net.bias.data[0] = 3.0  # beyond the greatest force
     path = ppo.write(model, flights, normal, ppo.Training(tmp_path, settings), "policy")
     pilot = read_policy(path).pilot
+    assert '"processor_s"' in path.with_suffix(".json").read_text(encoding="utf-8")
     assert pilot.units.decision_period_s == 20.0
     seen = many.reset()
     physical = (seen * flights.task.scales).astype(np.float64)
@@ -168,3 +171,23 @@ def test_a_policy_that_the_benchmark_writes_fires_what_its_model_does(baselines,
     np.testing.assert_allclose(forces, expected * flights.task.mission.deputy.max_force_n, atol=1e-5)
     assert forces[:, 0] == pytest.approx(2.0 * (1.0 - silent))
     assert '"flights"' in (tmp_path / "training.json").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_a_policy_of_sac_fires_what_its_model_does_and_is_the_same_again(baselines, tmp_path):
+    from benchmarks import ppo  # noqa: PLC0415 - as it imports torch
+
+    basis = ppo.SETTINGS["sac"]
+    settings = replace(basis, num_envs=FLIGHTS, model={**basis.model, "learning_starts": 16}, words=())
+    files = []
+    for folder in (tmp_path / "one", tmp_path / "two"):
+        training = ppo.Training(folder, settings, seed=2, steps=64, words=tuple(SHORT))
+        model, flights, normal = training.learn()
+        files.append(ppo.write(model, flights, normal, training, "policy"))
+    assert files[0].read_bytes() == files[1].read_bytes()
+    seen = flights.venv.reset()
+    pilot, forces = read_policy(files[0]).pilot, np.empty((FLIGHTS, 3))
+    answer(pilot.network, (seen * flights.task.scales).astype(np.float64), np.zeros((2, 64)), forces)
+    shares = model.predict(normal.normalize_obs(seen), deterministic=True)[0]
+    expected = np.sign(shares) * np.maximum(np.abs(shares) - settings.silent, 0.0)
+    np.testing.assert_allclose(forces, expected * flights.task.mission.deputy.max_force_n, atol=1e-5)
