@@ -85,7 +85,7 @@ def _by_program(
         inferring = compile(system)
     columns = np.zeros(num_rules, np.int64)
     columns[may_leave] = np.arange(len(may_leave))
-    strengths = firing.reshape(len(firing), -1, num_rules)
+    strengths = firing.reshape(len(firing), firing.shape[1] // max(1, num_rules), num_rules)
     silent = np.where(plays[:, np.newaxis], 0.0, strengths)
     left = np.concatenate((silent[:, :, may_leave], strengths[:, :, always]), axis=2)
 
@@ -96,7 +96,7 @@ def _by_program(
             joined = members * strengths[samples[:, np.newaxis], half, rules][:, np.newaxis]
             np.put_along_axis(rows[:, :, half], columns[rules][:, np.newaxis], joined, axis=2)
         given = np.repeat(inputs[samples], len(members), axis=0) if asks else None
-        concluded = inferring.conclude(rows.reshape(len(samples) * len(members), -1), given)
+        concluded = inferring.conclude(rows.reshape(-1, rows.shape[2] * rows.shape[3]), given)
         return concluded[:, output].reshape(rows.shape[:2])
 
     return concluding

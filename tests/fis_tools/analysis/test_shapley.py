@@ -86,6 +86,7 @@ def assert_adds_up(system: FuzzySystem, rows: np.ndarray) -> shapley.RuleShares:
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shares_add_up_for_every_controller_that_ships(name) -> None:
     for system in serialize.load(SHIPPED[name]).systems:
+        assert not assert_adds_up(system, spread_inputs(system, 40)[:0]).values.size
         shares = assert_adds_up(system, spread_inputs(system, 40))
         assert not shares.error.any()
         assert np.count_nonzero(shares.values) > 40
