@@ -22,7 +22,7 @@ def main(given: Sequence[str]) -> int:
     parser.add_argument("--deputies", type=int, nargs="+", default=[2, 3, 5])
     parser.add_argument("--seed", type=int, default=2026)
     parser.add_argument("words", nargs="*", help="settings of the mission, such as world=leo safety=robust")
-    options = parser.parse_intermixed_args(given)
+    options = parser.parse_args(given)
     number = -(-options.flights // (len(LINKS) * len(options.deputies)))
     columns = "nearest two (m)", "without the layer (m)", "from the chief (m)"
     print("messages", "deputies", "flights", *columns, sep=" | ", flush=True)

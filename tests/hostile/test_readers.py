@@ -14,7 +14,7 @@ from tests.places import PROJECT
 @pytest.mark.slow
 @pytest.mark.parametrize("name", READERS)
 def test_a_reader_refuses_what_is_damaged(name, tmp_path):
-    reader, tries, folder = READERS[name], night.count(15, 80), tmp_path / "read"
+    reader, tries, folder = READERS[name], night.count(8, 80), tmp_path / "read"
     folder.mkdir()  # beside other tests' folders none is one of a run
     reader.read(reader.samples[0], folder)
     assert attack(reader, tries, 7, folder) == tries
@@ -39,7 +39,7 @@ CORPUS = sorted((PROJECT / "tests" / "hostile" / "corpus").iterdir())
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("reader", "name"), night.by_day([giant for giant in GIANTS if giant[0] != "recording"], 2)
+    ("reader", "name"), night.by_day([giant for giant in GIANTS if giant[0] != "recording"], 4)
 )
 def test_a_giant_is_read_or_refused_soon_and_in_little_memory(reader, name, tmp_path):
     content = GIANTS[reader, name](READERS[reader].samples[0])

@@ -29,7 +29,7 @@ FILES = {name for key, name in vars(artifacts).items() if key.isupper() and isin
 
 
 #: a run of each takes a minute in all
-EXPERIMENTS = night.by_day(miniature.EXPERIMENTS, 2)
+EXPERIMENTS = night.by_day(miniature.EXPERIMENTS, 3)
 
 
 @pytest.fixture(scope="module", params=EXPERIMENTS, ids=lambda path: path.stem)

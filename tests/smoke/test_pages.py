@@ -150,7 +150,7 @@ def test_every_benchmark_is_on_a_page_or_serves_one_that_is():
     while waiting:
         needed |= waiting
         source = "".join(files[name].read_text(encoding="utf-8") for name in waiting)
-        imported = re.findall(r"^from benchmarks(?: import (.+)|\.(\w+) import)", source, re.MULTILINE)
+        imported = re.findall(r"^ *from benchmarks(?: import (.+)|\.(\w+) import)", source, re.MULTILINE)
         waiting = set(re.findall(r"\w+", str(imported))) & files.keys() - needed
     assert files.keys() - needed == set()
 

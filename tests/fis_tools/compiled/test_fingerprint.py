@@ -276,7 +276,7 @@ def test_a_change_of_what_was_compiled_before_is_refused():
 
 def test_a_kernel_depends_on_all_that_it_calls_and_on_nothing_else():
     flight = set(functions_of(many.fly_many))
-    for part in (attitude.turn_deputies, safety.assure, quaternion.normalised):
+    for part in (attitude.turn_deputies, safety.assure, quaternion.from_dcm):
         assert flight > set(functions_of(part))
     modules = {function.__module__ for function in flight}
     assert "fis_tools.engines.kernel" in modules

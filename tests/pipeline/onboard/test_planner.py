@@ -108,7 +108,7 @@ def test_c_flies_the_plan_that_the_product_flies(planning):
     assert num_planned > 3
 
 
-#: what a mission has besides; by day every other, the night alone compiles for a chief of another shape
+#: what a mission has besides; by day every third, the night alone compiles for a chief of another shape
 KINDS = {
     "a turning chief, an ellipse and errors": {**TURNING, **ELLIPSE, **ERRORS},
     "a turning chief": TURNING,
@@ -129,7 +129,7 @@ KINDS = {
 }
 
 
-@pytest.mark.parametrize("kind", night.by_day([*KINDS], 2))
+@pytest.mark.parametrize("kind", night.by_day([*KINDS], 3))
 def test_a_mission_of_another_kind_is_planned_in_the_same_way(kind, tmp_path):
     flown = mission(duration_s=1200.0, **KINDS[kind])
     program = translate(flown, PLANNING["champion_27_rehearsed"], is_tilted=True)
