@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from onnx import TensorProto, helper, numpy_helper
+from onnx import TensorProto
 from onnx.reference import ReferenceEvaluator
 
 from pipeline.command_line.config import compose_experiment
@@ -13,6 +13,7 @@ from pipeline.flight.fly.fleets import OF_DEPUTIES, fly_all_fleets
 from pipeline.gym import Reward
 from pipeline.gym.parallel import MultiInspectionEnv
 from pipeline.scenarios import evaluation_scenarios
+from tests.pipeline.controllers.networks import network
 
 WORLD = ["world=paper", "sun=random", "duration_s=900"]
 FLEET = ["fleet.deputies=3", "fleet.sharing=mask"]
@@ -24,28 +25,11 @@ def model(kind=TensorProto.FLOAT, width=NUM_SEEN, metadata=None):
     """A small network from observations to forces, decided every 30 s."""
     rng = np.random.default_rng(8)
     scales = np.array([100.0] * 3 + [0.5] * 3 + [10.0] * 3 + [1.0] * 6 + [99.0] * 2 + [1.0, 3600.0])[:width]
-    weights = [
+    layers = (
         rng.normal(0.0, 0.5, (width, 8)) / scales[:, np.newaxis],
         FORCE_N * rng.normal(0.0, 0.6, (8, 3)),
-    ]
-    numbers = np.float32 if kind == TensorProto.FLOAT else np.float64
-    tensors = [
-        numpy_helper.from_array(each.astype(np.float32).astype(numbers), f"weights{index}")
-        for index, each in enumerate(weights)
-    ]
-    nodes = [
-        helper.make_node("MatMul", ["seen", "weights0"], ["sum"]),
-        helper.make_node("Tanh", ["sum"], ["value"]),
-        helper.make_node("MatMul", ["value", "weights1"], ["actions"]),
-    ]
-    ends = [
-        helper.make_tensor_value_info(name, kind, [None, size])
-        for name, size in (("seen", width), ("actions", 3))
-    ]
-    graph = helper.make_graph(nodes, "policy", ends[:1], ends[1:], tensors)
-    made = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)
-    helper.set_model_props(made, metadata or {"decision_period_s": f"{PERIOD_S:g}"})
-    return made
+    )
+    return network(layers, metadata or {"decision_period_s": f"{PERIOD_S:g}"}, kind)
 
 
 def read(made):

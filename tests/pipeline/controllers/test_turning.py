@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import onnx
 import pytest
-from onnx import TensorProto, helper, numpy_helper
+from onnx import TensorProto
 from onnx.reference import ReferenceEvaluator
 from scipy.spatial.transform import Rotation
 
@@ -20,6 +20,7 @@ from pipeline.gym.published import PublishedObservation
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.recording.reflight import fly_again
 from pipeline.scenarios import CLUSTERS, evaluation_scenarios
+from tests.pipeline.controllers.networks import network
 
 MOST_RATE = 0.034907
 WORLD = ["world=afrl_six_dof", "duration_s=300", "deputy.max_force_n=0.05"]
@@ -38,30 +39,11 @@ def made(width, metadata, kind=TensorProto.FLOAT, num_outputs=6):
     rng = np.random.default_rng(width)
     scales = np.array([100.0] * 3 + [1.0] * 3 + [0.5] * 7 + [20.0] * 2 + [1.0] * (width - 15))
     scales[-1] = 3600.0
-    weights = [
-        rng.normal(0.0, 0.4, (width, 12)) / scales[:, np.newaxis],
-        rng.normal(0.0, 0.8, (12, num_outputs)),
-    ]
+    first = rng.normal(0.0, 0.4, (width, 12)) / scales[:, np.newaxis]
+    last = rng.normal(0.0, 0.8, (12, num_outputs))
     if metadata.get("forces") == "newtons":
-        weights[1] *= [0.05] * 3 + [0.001] * 3
-    numbers = np.float32 if kind == TensorProto.FLOAT else np.float64
-    tensors = [
-        numpy_helper.from_array(each.astype(np.float32).astype(numbers), f"weights{index}")
-        for index, each in enumerate(weights)
-    ]
-    nodes = [
-        helper.make_node("MatMul", ["seen", "weights0"], ["sum"]),
-        helper.make_node("Tanh", ["sum"], ["value"]),
-        helper.make_node("MatMul", ["value", "weights1"], ["actions"]),
-    ]
-    ends = [
-        helper.make_tensor_value_info(name, kind, [None, size])
-        for name, size in (("seen", width), ("actions", num_outputs))
-    ]
-    graph = helper.make_graph(nodes, "policy", ends[:1], ends[1:], tensors)
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)
-    helper.set_model_props(model, metadata)
-    return model
+        last *= [0.05] * 3 + [0.001] * 3
+    return network((first, last), metadata, kind)
 
 
 def read(model):
