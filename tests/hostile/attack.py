@@ -118,7 +118,9 @@ def assert_survives_apart(reader: Reader, content: bytes, folder: Path) -> None:
 def _apart(work: Work) -> int:
     """Do work in a fork of this process; return how often it yielded."""
     here, there = FORK.Pipe(duplex=False)
-    gc.collect()
+    # the fork's searches for garbage would copy all that this process holds, a second for a gigabyte
+    gc.collect(1)
+    gc.freeze()
     process = FORK.Process(target=_serve, args=(work, there))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of threads, which readers here do not wait for

@@ -55,7 +55,8 @@ before = set(sys.modules)
 from pipeline.__main__ import main
 main(["--help"])
 names = {name.partition(".")[0] for name in set(sys.modules) - before}
-print("loaded:", *sorted({of for name in names for of in packages_distributions().get(name, ())}))
+distributions = packages_distributions()
+print("loaded:", *sorted({of for name in names for of in distributions.get(name, ())}))
 """
     (line,) = re.findall("^loaded: (.*)$", run_python("-c", code, folder=tmp_path).stdout, re.MULTILINE)
     assert set(map(canonicalize_name, line.split())) <= with_dependencies("pydantic") | {"pyyaml"}
