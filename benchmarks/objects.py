@@ -36,10 +36,8 @@ TOOLKIT: tuple[tuple[str, ...], ...] = (
 )
 #: By the family that numba compiles for, those whose objects are made of it.
 MADE = {"x86-64-v4": ("x86-64-v4",), "x86-64-v3": ("x86-64-v3", "aarch64")}
-#: Environments whose first step should wait for none either, with what they are made of.
-ENVIRONMENTS: tuple[tuple[str, dict[str, Any]], ...] = (
-    ("Inspection-v0", {}),
-    ("SixDofInspection-v0", {}),
+#: Environments that are not registered, or registered by what they are made of.
+OTHERS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("MultiInspection", {}),
     ("Inspection-v0", {"overrides": ["world=afrl"]}),
     ("Inspection-v0", {"overrides": ["world=leo"]}),
@@ -79,6 +77,16 @@ def commands() -> list[tuple[str, ...]]:
         ("+experiment=evaluate_fleet", "controller=champion_27_rehearsed", "sun=random", *FEW),
         ("+experiment=evaluate_fleet", "controller=champion_any_sun", "world=leo", *FEW),
     ]
+
+
+def environments() -> list[tuple[str, dict[str, Any]]]:
+    """Return the environments whose first step should wait for no compiler, with what they are made of."""
+    import gymnasium  # noqa: PLC0415 - as in build
+
+    import pipeline.gym  # noqa: F401, PLC0415 - registers them
+
+    ours = [spec.id for spec in gymnasium.registry.values() if str(spec.entry_point).startswith("pipeline.gym")]
+    return [*((name, {}) for name in ours), *OTHERS]
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -126,7 +134,7 @@ def build(folder: Path, family: str) -> None:
             print(f"{family}: {' '.join(words)}", file=sys.stderr, flush=True)
             if code := run_toolkit([word.replace("{scratch}", scratch) for word in words]):
                 raise SystemExit(code)
-        for name, options in ENVIRONMENTS:
+        for name, options in environments():
             print(f"{family}: {name}", file=sys.stderr, flush=True)
             step_once(name, options)
         for number, words in enumerate(commands()):

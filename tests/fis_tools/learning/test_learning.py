@@ -293,10 +293,10 @@ def test_without_scikit_learn_a_sentence_says_what_to_install():
     ids=str,
 )
 def test_a_row_of_weight_two_counts_as_two_rows(estimator):
-    X, y = bumps(120)
+    X, y = bumps(60)
     y = y if isinstance(estimator, FuzzyRegressor) else np.where(y > 0.5, "high", "low")
     X[7] = 40.0  # of weight zero: no range reaches it
-    weights = np.arange(120) % 3
+    weights = np.arange(60) % 3
     weights[7] = 0
     weighted = clone(estimator).fit(X, y, sample_weight=weights)
     repeated = clone(estimator).fit(np.repeat(X, weights, axis=0), np.repeat(y, weights))

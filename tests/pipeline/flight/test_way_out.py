@@ -23,6 +23,7 @@ from pipeline.onboard.allowed import NotTranslatableError
 from pipeline.onboard.program import translate
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import SettingError
+from tests import night
 from tests.pipeline.flight.as_written import assert_as_written
 from tests.pipeline.flight.cases import isotropic
 from tests.pipeline.flight.guarded import LAST_MOMENT, SPHERES, guarded, hostile, pushing, starts_at_rest
@@ -32,6 +33,8 @@ KEPT = guarded(replace(LAST_MOMENT, keep_way_out=True))
 #: a low orbit without errors
 LEO = "world=leo", "navigation=perfect", "actuators=ideal", "dynamics=cw"
 ORBIT_S = 2.0 * np.pi / MEAN_MOTION
+#: of starts, each of which is looked at along a whole ellipse
+COUNT = night.count(100, 300)
 
 HOSTILE = hostile(
     23,
@@ -145,7 +148,7 @@ def test_a_shell_is_open_only_if_all_starts_in_it_have_a_way_out(words):
     mission = experiment(*words).mission
     world, generator = pack_world(mission), np.random.default_rng(7)
     assert start_without_way_out(world, (50.0, 90.0, 0.0)) is None
-    directions, distances = isotropic(generator, 300), generator.uniform(50.0, 90.0, (300, 1))
+    directions, distances = isotropic(generator, COUNT), generator.uniform(50.0, 90.0, (COUNT, 1))
     for position in [*(distances * directions), *(90.0 * np.eye(3)), *(-50.0 * np.eye(3))]:
         assert has_way_out(mission, [*position, 0.0, 0.0, 0.0])
     # a closed ellipse is twice as long along the track as it is high

@@ -85,7 +85,7 @@ def test_a_page_flies_fresh_cases_to_the_products_bits(ready, words):
 
 
 #: all by night, also those that look far ahead
-MISSIONS = night.by_day([*worlds(), *OTHERS, *COURSES], 6)
+MISSIONS = night.by_day([*worlds(), *OTHERS, *COURSES], 9)
 
 
 @pytest.mark.parametrize("words", MISSIONS, ids=lambda words: "-".join(words).replace(f"{PROJECT}/", ""))

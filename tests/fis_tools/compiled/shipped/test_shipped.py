@@ -402,7 +402,7 @@ FLOWN = """
 from benchmarks import objects
 from pipeline.__main__ import main
 
-for name, options in objects.ENVIRONMENTS:
+for name, options in objects.environments():
     objects.step_once(name, options)
 
 for number, words in {runs!r}:
