@@ -85,7 +85,8 @@ def environments() -> list[tuple[str, dict[str, Any]]]:
 
     import pipeline.gym  # noqa: F401, PLC0415 - registers them
 
-    ours = [spec.id for spec in gymnasium.registry.values() if str(spec.entry_point).startswith("pipeline.gym")]
+    specs = gymnasium.registry.values()
+    ours = [spec.id for spec in specs if str(spec.entry_point).startswith("pipeline.gym")]
     return [*((name, {}) for name in ours), *OTHERS]
 
 
