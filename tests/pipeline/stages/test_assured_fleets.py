@@ -8,15 +8,22 @@ from pipeline.command_line.cli import main
 from pipeline.run import artifacts
 from telemetry.file import reader
 from telemetry.file.topics import DEPUTY_STATE
+from tests.browser import LOOKS, serious_violations
 
 pytestmark = pytest.mark.slow
+READY = "() => globalThis.player?.sides?.every(side => side.flight)"
+#: where each side's deputy is at a sample of a case that is opened
+AT = """async ([row, k]) => {
+    await player.open(row);
+    return player.sides.map(({ flight }) => flight.position(k));
+}"""
 
 
 @pytest.fixture(scope="module")
 def assured(tmp_path_factory):
     folder = tmp_path_factory.mktemp("assured") / "run"
-    words = ("controller=champion_27", "sun=random", "assurance.num_cases=24", f"hydra.run.dir={folder}")
-    assert main(["+experiment=assure_fleet", *words]) == 0
+    words = ("controller=champion_27", "sun=random", "fleet.lost_percent=20", "assurance.num_cases=24")
+    assert main(["+experiment=assure_fleet", *words, f"hydra.run.dir={folder}"]) == 0
     return folder
 
 
@@ -49,6 +56,29 @@ def test_the_worst_fleets_are_recorded_deputy_by_deputy(assured):
             assert worst["margin"] == pytest.approx(
                 np.linalg.norm(paths[0] - paths[1], axis=1).min() - 10.0, abs=1e-3
             )
+
+
+def test_the_page_opens_the_worst_fleets_as_they_are_recorded(opened, assured):
+    """Also where messages are lost, on which flights depend."""
+    entries = artifacts.read_json(assured, artifacts.EVIDENCE)["requirements"]
+    page = opened((assured / artifacts.EVIDENCE_PAGE).read_text("utf-8"), 1400, reduced_motion="reduce")
+    page.wait_for_function(READY)
+    assert len(entries) > 4
+    for row, entry in enumerate(entries):
+        for k in (40, 200, 359):
+            sides = page.evaluate(AT, [row, k])
+            for side, name in zip(sides, entry["worst"]["recordings"], strict=True):
+                flown = reader.read(assured / name, (DEPUTY_STATE,))[DEPUTY_STATE]["position_m"][k]
+                np.testing.assert_allclose(side, flown, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("width", "scheme"), LOOKS)
+def test_the_page_of_worst_fleets_fits(opened, axe, assured, width, scheme):
+    text = (assured / artifacts.EVIDENCE_PAGE).read_text("utf-8")
+    page = opened(text, width, color_scheme=scheme, reduced_motion="reduce")
+    page.wait_for_function(READY)
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= width
+    assert serious_violations(page, axe) == []
 
 
 def test_proofs_and_pages_tell_of_deputies(assured):
