@@ -23,6 +23,7 @@ AT = """async ([row, k]) => {
 def assured(tmp_path_factory):
     folder = tmp_path_factory.mktemp("assured") / "run"
     words = ("controller=champion_27", "sun=random", "fleet.lost_percent=20", "assurance.num_cases=24")
+    words += ("assurance.searches=2", "assurance.search_starts=8", "assurance.search_generations=2")
     assert main(["+experiment=assure_fleet", *words, f"hydra.run.dir={folder}"]) == 0
     return folder
 
@@ -30,11 +31,20 @@ def assured(tmp_path_factory):
 def test_the_worst_fleets_are_recorded_deputy_by_deputy(assured):
     evidence = artifacts.read_json(assured, artifacts.EVIDENCE)
     table = pq.read_table(assured / artifacts.ASSURED_CASES).to_pydict()
+    searched = pq.read_table(assured / artifacts.SEARCHED).to_pylist()
+    assert {row["requirement"] for row in searched} == {"R3", "R4", "R5"}
     entries = {entry["id"]: entry for entry in evidence["requirements"]}
     for name, entry in entries.items():
         worst, margins = entry["worst"], table[f"{name}_margin"]
         case = int(np.argmin(margins))
-        assert (worst["found_by"], worst["margin"]) == (f"case {case}", pytest.approx(margins[case]))
+        found = [row for row in searched if row["requirement"] == name and row["margin"] < margins[case]]
+        start = (
+            min(found, key=lambda row: row["margin"])
+            if found
+            else {key: column[case] for key, column in table.items()} | {"margin": margins[case]}
+        )
+        assert worst["margin"] == pytest.approx(start["margin"])
+        assert ("search, flight" in worst["found_by"]) == bool(found)
         assert worst["recordings"] == [
             f"assure/flights/{name}-worst-deputy-{deputy}.mcap" for deputy in (1, 2)
         ]
@@ -43,9 +53,7 @@ def test_the_worst_fleets_are_recorded_deputy_by_deputy(assured):
             np.asarray(reader.read(assured / file, (DEPUTY_STATE,))[DEPUTY_STATE]["position_m"], np.float64)
             for file in worst["recordings"]
         ]
-        starts = [
-            [table[f"position_{axis}_m{suffix}"][case] for axis in "xyz"] for suffix in ("", "_of_deputy_2")
-        ]
+        starts = [[start[f"position_{axis}_m{suffix}"] for axis in "xyz"] for suffix in ("", "_of_deputy_2")]
         np.testing.assert_allclose([path[0] for path in paths], starts, atol=1e-4)
         np.testing.assert_allclose(worst["position_m"], starts[worst["deputy"] - 1], atol=1e-9)
         nearest = [np.linalg.norm(path, axis=1).min() for path in paths]
