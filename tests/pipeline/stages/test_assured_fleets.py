@@ -101,8 +101,3 @@ def test_proofs_and_pages_tell_of_deputies(assured):
     assert "what a deputy senses depends on what the others tell it" in page
     assert "deputies 10 m apart that start 10" in page
     assert "Each deputy; bold" in board
-
-
-def test_what_knows_one_deputy_is_refused(capsys):
-    assert main(["+experiment=assure", "controller=champion_27", "fleet.deputies=2"]) == 2
-    assert "R1: fleet.deputies is 2, and verified_by has search, which varies" in capsys.readouterr().err
