@@ -120,7 +120,6 @@ def export_c(arguments: Sequence[str]) -> int:
     mission = experiment.mission
     try:
         check_prefix(chosen.prefix)
-        export.check_fleet(mission.fleet)
         translated = program.translate(
             mission.of_each,
             load(experiment.controller, mission),

@@ -9,7 +9,6 @@ from fis_tools.formats.c.text import WARNINGS, plain
 from pipeline.flight.fly.fleet_logs import fly_logged_fleet
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
-from pipeline.onboard.allowed import NotTranslatableError
 from pipeline.onboard.evidence import (
     line_runs,
     loop_table,
@@ -71,15 +70,6 @@ class Exported:
     num_commands: int
     num_different: int | None
     sizes: Sizes | None
-
-
-def check_fleet(fleet: Fleet) -> None:
-    """Raise NotTranslatableError for what deputies do together that no function on board does."""
-    if fleet.deputies > 1 and fleet.keep_apart_m > 0.0:
-        raise NotTranslatableError(
-            f"fleet.keep_apart_m is {fleet.keep_apart_m:g}, and nothing on board keeps deputies apart; leave "
-            "it out"
-        )
 
 
 def export(
@@ -146,6 +136,7 @@ def _written(
         "warnings": WARNINGS,
         "specified": _specified(source.code) + joined(program),
         "is_shared": program.is_shared,
+        "is_kept_apart": program.is_kept_apart,
         "token": source.identity["code"],
         **block_facts(source.interface),
     }
@@ -171,7 +162,8 @@ def _written(
     different = [len(differing(*pair)) for pair in zip(answers, logs, strict=bool(answers))]
     num_commands = sum(len(flight.steps) for flight in flights)
     exported = Exported(source, len(flights), num_commands, sum(different) if answers else None, measured)
-    heeding = fleet if fleet.deputies > 1 and fleet.sharing != "nothing" else None
+    is_told = fleet.sharing != "nothing" or program.is_kept_apart
+    heeding = fleet if fleet.deputies > 1 and is_told else None
     facts |= {"program": program, "exported": exported, "prefix": prefix, "fleet": heeding}
     _write(folder / "README.md", renamed(rendered("README.md.jinja", **facts), prefix))
     return exported

@@ -11,17 +11,7 @@ import numpy as np
 from pipeline.flight.state.arrays import World
 from pipeline.flight.state.signals import CONSTANTS
 from pipeline.onboard.fields import POINTS, InterfaceField
-from pipeline.onboard.messages import (
-    CHANGE,
-    CHANGED,
-    FIELD_BITS,
-    OTHER_BITS,
-    OUTPUT,
-    START,
-    START_BITS,
-    STEP,
-    STEP_AND_COVARIANCE,
-)
+from pipeline.onboard.messages import CHANGE, CHANGED, FIELD_BITS, OTHER_BITS, OUTPUT, START, START_BITS
 from pipeline.onboard.writer import Function
 
 #: positions are taken up to so many times the greatest distance allowed, speeds up to that within a time, s
@@ -122,7 +112,7 @@ def interface_of(
     world: World,
     *,
     is_sun_in_plane: bool,
-    has_covariance: bool,
+    inputs: Sequence[InterfaceField],
     parameters: Mapping[str, float],
     members: Iterable[str],
     functions: Sequence[Function],
@@ -150,8 +140,7 @@ def interface_of(
             in_plane=is_sun_in_plane and field.name == "sun_elevation",
         )
 
-    steps = STEP_AND_COVARIANCE if has_covariance else STEP
-    start, step, output = ([resolved(each) for each in fields] for fields in (START, steps, OUTPUT))
+    start, step, output = ([resolved(each) for each in fields] for fields in (START, inputs, OUTPUT))
     named: dict[str, list[str]] = {}
     for each in step:
         if each.bit:

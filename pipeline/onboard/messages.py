@@ -7,6 +7,7 @@ vectors have their layout, so that a field is named, bounded and explained once.
 from typing import NamedTuple
 
 from pipeline.onboard.fields import POINTS, InterfaceField
+from pipeline.settings.fleet import Fleet
 
 #: a step's Sun is not that of the start, turned on, where they are farther apart
 APART_DEG = 4.0
@@ -145,6 +146,38 @@ STEP_AND_COVARIANCE = (
         bit="BAD_COVARIANCE",
     ),
 )
+
+
+def of_others(fleet: Fleet) -> tuple[InterfaceField, ...]:
+    """Return what a step is given of each other deputy from which one is kept apart; in one order in all."""
+    delay = fleet.delay_periods
+    return tuple(
+        field
+        for number in range(1, fleet.deputies)
+        for field in (
+            InterfaceField(
+                f"age_other_{number}",
+                "int",
+                "control periods since another deputy told where it would stop; negative where not heard",
+                limits=(delay, delay),
+                bit="OLD_OTHERS",
+                start=-1.0,
+            ),
+            InterfaceField(
+                f"other_{number}_stop_m",
+                "double",
+                "where it would stop, as it told; in period 0 heard or not",
+                3,
+                "m",
+                "Hill axes",
+                limits=("-reach_m", "reach_m"),
+                source=f"other_{number}",
+                bit="BAD_OTHERS",
+            ),
+        )
+    )
+
+
 OUTPUT = (
     InterfaceField("code", "word", "CONTROLLER_ID"),
     InterfaceField("status", "int", "bits of what is wrong: CONTROLLER_BAD_*, CONTROLLER_OLD_*"),
@@ -199,7 +232,7 @@ START_BITS = {
 #: numbers of bits that a field of a step sets
 FIELD_BITS = {
     **{"BAD_PERIOD": 1, "BAD_POSITION": 2, "BAD_VELOCITY": 4, "BAD_ATTITUDE": 8, "BAD_SUN": 16},
-    **{"BAD_GIVEN": 32, "BAD_COVARIANCE": 32768},
+    **{"BAD_GIVEN": 32, "BAD_COVARIANCE": 32768, "BAD_OTHERS": 65536, "OLD_OTHERS": 131072},
     **{f"OLD_{source.name.upper()}": source.bit for source in SOURCES},
 }
 #: the reason of a component where the rules lack an input; the others are those of flights

@@ -30,9 +30,12 @@ from pipeline.flight.state.signals import CONSTANTS, SETTING, URGENCY
 from pipeline.flight.world.pack import pack_world
 from pipeline.flight.world.surface import surface_of
 from pipeline.onboard.allowed import NotTranslatableError
+from pipeline.onboard.fields import InterfaceField
 from pipeline.onboard.free_cells import FreeCells
+from pipeline.onboard.kept_apart import is_kept_apart, write_apart
 from pipeline.onboard.law_values import Values
 from pipeline.onboard.members import Members, record_of
+from pipeline.onboard.messages import STEP, STEP_AND_COVARIANCE, of_others
 from pipeline.onboard.operations import OPERATIONS
 from pipeline.onboard.planner import ANYWHERE, PushPlanner, check, ranges_of, write_planner
 from pipeline.onboard.restart import write_restart
@@ -50,7 +53,7 @@ OF_TARGET = frozenset(
 )
 #: arrays into which only finite numbers are written, zero for NaN: what inference is given, the force, and
 #: the safety layer's half-spaces and multipliers
-GUARDED = frozenset({"scratch_inputs", "commanded", "cuts", "zeros"})
+GUARDED = frozenset({"scratch_inputs", "commanded", "cuts", "fleet_cuts", "zeros"})
 #: no fleet
 ALONE = Fleet()
 #: loops over terms of which `Values` must know which term it is
@@ -134,6 +137,17 @@ class OnboardProgram:
         """Whether it takes how far the estimate may be off."""
         again = self.planner.again if self.planner else None
         return again is not None and again.has_covariance
+
+    @property
+    def is_kept_apart(self) -> bool:
+        """Whether it is kept apart from other deputies."""
+        return is_kept_apart(self.fleet)
+
+    @property
+    def inputs(self) -> Sequence[InterfaceField]:
+        """What each step is given."""
+        inputs = STEP_AND_COVARIANCE if self.has_covariance else STEP
+        return (*inputs, *of_others(self.fleet)) if self.is_kept_apart else inputs
 
 
 def bounds(world: World) -> dict[tuple[str, str], Any]:
@@ -271,10 +285,7 @@ def translate(
     pushes = True if law.needs & SETTING else None
     arguments = {"now": now, "work": work, "optics": optics, "pushes": pushes, "control": control}
     translator.write("decide", steps.decide, arguments)
-    force = Three(*(Expression(f"force_{axis}", is_name=True) for axis in "xyz"))  # type: ignore[arg-type]
-    translator.write("command_given", command_given, {"now": now, "force": force})
-    if world.guard.is_on:
-        translator.write("assure", assure, {"now": now, "cuts": work.cuts})
+    _write_commands(translator, mission, fleet, now, work)
     planner = None
     if plans:
         planner = _planner(translator, mission, flown, now, work, optics, law)
@@ -288,6 +299,16 @@ def translate(
         *(translator, flown, mission, world, law, parameters.used, named, optics is None),
         *(designed, planner, fleet),
     )
+
+
+def _write_commands(translator: Translator, mission: Mission, fleet: Fleet, now: Moment, work: Any) -> None:
+    """Write what commands a given force, and the safety layer, where it is on."""
+    force = Three(*(Expression(f"force_{axis}", is_name=True) for axis in "xyz"))  # type: ignore[arg-type]
+    translator.write("command_given", command_given, {"now": now, "force": force})
+    if is_kept_apart(fleet):
+        write_apart(translator, now, mission, fleet)
+    elif now.world.guard.is_on:
+        translator.write("assure", assure, {"now": now, "cuts": work.cuts})
 
 
 def _planner(

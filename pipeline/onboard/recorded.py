@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fis_tools.compiled.decorator import plainly
-from pipeline.array_types import Bytes, Integers
+from pipeline.array_types import Bytes, Floats, Integers
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.fly.fleet_logs import DeputyLog
 from pipeline.flight.fly.rehearsals import rehearse_tours
@@ -24,11 +24,13 @@ from pipeline.flight.fly.tours import rehearsal_samples, tour_images
 from pipeline.flight.fly.workspace import points_of_cases
 from pipeline.flight.period.look.optics import sun_after
 from pipeline.flight.state.log import REHEARSED, FlightLog, Scenario
+from pipeline.onboard.fields import InterfaceField
 from pipeline.onboard.interface import dtype_of
 from pipeline.onboard.messages import OUTPUT as ANSWERED
-from pipeline.onboard.messages import START, STEP, STEP_AND_COVARIANCE
+from pipeline.onboard.messages import START, STEP
 from pipeline.onboard.prefix import USUAL
 from pipeline.onboard.program import OnboardProgram
+from pipeline.settings.fleet import Fleet
 
 #: what the comparison of bits rests on: no fused operations, no reordering
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
@@ -58,9 +60,9 @@ def start_type(num_points: int) -> np.dtype[Any]:
     return dtype_of(START, num_points)
 
 
-def step_type(num_points: int, *, has_covariance: bool = False) -> np.dtype[Any]:
-    """Return the layout of ``struct controller_step_input``."""
-    return dtype_of(STEP_AND_COVARIANCE if has_covariance else STEP, num_points)
+def step_type(num_points: int, inputs: Sequence[InterfaceField] = STEP) -> np.dtype[Any]:
+    """Return the layout of ``struct controller_step_input``, with other inputs if they are given."""
+    return dtype_of(inputs, num_points)
 
 
 def heard_type(num_deputies: int, num_points: int) -> np.dtype[Any]:
@@ -92,8 +94,7 @@ def recorded(
     elevation = float(np.cos(case.sun_elevation)), float(np.sin(case.sun_elevation))
     start = np.zeros((), start_type(world.num_points))
     start["sun_angle"], start["sun_elevation"], start["counts"] = angle, elevation, counts
-    has_covariance = program.has_covariance
-    steps = np.zeros(world.num_controls, step_type(world.num_points, has_covariance=has_covariance))
+    steps = np.zeros(world.num_controls, step_type(world.num_points, program.inputs))
     steps["period"] = np.arange(world.num_controls)
     is_given = (log.command_reason == REHEARSED).any(axis=1) & (program.planner is None)
     steps["is_given"], steps["given_n"] = is_given, np.where(is_given[:, None], log.force_asked_n, 0.0)
@@ -104,9 +105,11 @@ def recorded(
     with plainly("pipeline"):
         for k, step in enumerate(steps):
             step["sun_angle"], step["sun_elevation"] = sun_after(world, angle, elevation, k)
-    if has_covariance:
+    if program.has_covariance:
         steps["covariance"] = log.estimate_covariance[:-1].reshape(-1, 36)
     steps["unseen"] = (counts > 0) & ~log.is_inspected[:-1]
+    if program.is_kept_apart:
+        _note_others(steps, program.fleet, of_fleet)
     rows = [[row[name] for name in program.parameters] for _, row in program.choices]
     flight = Recorded(start, steps, _chosen(program, scenario), rows, program.planner is not None)
     if of_fleet is None or not program.is_shared:
@@ -117,6 +120,16 @@ def recorded(
     sharing = RecordedSharing(steps["unseen"].copy(), heard, of_fleet.left_to)
     steps["unseen"] &= of_fleet.left_to == 0
     return flight._replace(sharing=sharing)
+
+
+def _note_others(steps: Any, fleet: Fleet, log: DeputyLog | None) -> None:
+    """Write where a deputy heard that the others would stop, and how long before they told it."""
+    if log is None:
+        raise ValueError("a log of one deputy was given, and others are kept apart; give that of a fleet")
+    others = [row for row in range(fleet.deputies) if row != log.deputy - 1]
+    for number, row in enumerate(others, start=1):
+        steps[f"other_{number}_stop_m"] = log.stops[:, row]
+        steps[f"age_other_{number}"] = np.where(log.arrived[:, row] > 0, fleet.delay_periods, -1)
 
 
 def _chosen(program: OnboardProgram, scenario: Scenario) -> dict[int, int]:
@@ -196,6 +209,11 @@ class Library:
         """Write what a deputy tells of each point, (P,), by a record of `step_type`; return the status."""
         addresses = (ctypes.c_void_p(each.ctypes.data) for each in (step, shown))
         return int(self._function("tell")(self._state, *addresses))
+
+    def tell_stop(self, step: Any, stop: Floats) -> int:
+        """Write where a deputy tells that it would stop, (3,) m, by a `step_type`; return the status."""
+        addresses = (ctypes.c_void_p(each.ctypes.data) for each in (step, stop))
+        return int(self._function("tell_stop")(self._state, *addresses))
 
     def leave(self, step: Any, heard: Any, left_to: Bytes) -> int:
         """Write to which deputy each point is left, (P,), by a record of `heard_type`; return the status."""

@@ -36,7 +36,7 @@ OF_ENTRIES = frozenset(
     {
         *("requested", "commanded", "coasts", "outputs", "leading", "num_unseen", "limit", "change"),
         *("plan_state", "plan_best", "plan_cost", "plan_given"),
-        *("fleet_deputy", "fleet_ahead", "fleet_left_to"),
+        *("fleet_deputy", "fleet_ahead", "fleet_left_to", "fleet_hears", "fleet_stops"),
     }
 )
 #: and those that they do where plans are made again in flight
@@ -109,6 +109,8 @@ def sources(program: OnboardProgram, prefix: str = USUAL) -> Sources:
         members["counted"] = ((program.world.num_points,), "unsigned char")
     if program.is_shared:
         members["fleet_has_left"] = (1,), "int"
+    if program.is_kept_apart:
+        members |= dict.fromkeys(("fleet_period", "fleet_steps"), ((1,), "int"))
     if program.planner:
         members |= program.planner.members
     if again:
@@ -191,9 +193,10 @@ def _interface(program: OnboardProgram, members: Mapping[str, Any]) -> Interface
         parameters={name: designed[name] for name in program.parameters},
         members=members,
         functions=program.translator.functions,
-        has_covariance=program.has_covariance,
+        inputs=program.inputs,
         axes="body" if program.law.force_axes == BODY else "Hill",
-        limits="0 none, 1 keep out, 2 keep in, 3 speed, 4 passive safety, 7 speed along an axis",
+        limits="0 none, 1 keep out, 2 keep in, 3 speed, 4 passive safety, "
+        f"{'5 apart from others, ' * program.is_kept_apart}7 speed along an axis",
     )
 
 
@@ -213,6 +216,7 @@ def _facts(
         "parameters": interface.parameters,
         "planner": program.planner,
         "fleet": program.fleet if program.is_shared else None,
+        "kept_apart": program.fleet if program.is_kept_apart else None,
         "reach_m": REACH * world.max_distance,
         "functions": functions,
         "members": {name: int(np.prod(shape)) for name, (shape, _) in members.items()},

@@ -109,7 +109,8 @@ class FlightRecorder:
         # whether flights depend on what their cases have drawn besides the start
         has_errors = mission.navigation.mode == "fixes" or mission.actuators.kind == "real"
         draws = isinstance(controller, PilotController) and controller.pilot.draws
-        self._is_noisy = has_errors or draws or bool(mission.dispersions)
+        loses = self._fleet.deputies > 1 and self._fleet.lost_percent > 0.0
+        self._is_noisy = has_errors or draws or loses or bool(mission.dispersions)
 
     def _enter(self, mission: Mission) -> None:
         """Prepare what flights of a mission share."""

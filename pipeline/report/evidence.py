@@ -54,7 +54,8 @@ def render_evidence(
     shown = document(evidence, tube)
     if worst:
         heading = Heading("The worst flights", id="worst")
-        shown = Document([*shown.blocks, heading, Paragraph(caption_of("worst_flights"))])
+        flown = "worst_fleets" if "deputies" in evidence["conditions"] else "worst_flights"
+        shown = Document([*shown.blocks, heading, Paragraph(caption_of(flown))])
     return page(shown, read("templates/evidence.css", "pipeline.report"), worst)
 
 

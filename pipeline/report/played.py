@@ -16,6 +16,7 @@ from pipeline.evaluation.monte_carlo import episode_columns
 from pipeline.evaluation.statistics import Columns
 from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.control.controller import Controller, ControllerError
+from pipeline.flight.fly.fleet_logs import fly_logged_fleet
 from pipeline.flight.goals.flights import fly_all, fly_logged
 from pipeline.flight.goals.reach import ReachOutcomes
 from pipeline.flight.state.log import FlightLog, Scenario
@@ -193,7 +194,7 @@ def player_of_worst(
     flown = [each for each in requirements if each.get("worst")]
     if not flown:
         return None
-    starts = [start_of(read(folder / each["worst"]["recording"], ())) for each in flown]
+    starts = [_start_of_worst(folder, each["worst"]) for each in flown]
     words = [
         f"{each['id']} {each['title']}: {each['worst']['found_by']}, margin {each['worst']['margin']:.3g} "
         f"{each['worst']['unit']}".rstrip()
@@ -202,10 +203,21 @@ def player_of_worst(
     is_met = np.array([each["worst"]["margin"] >= 0.0 for each in flown])
     outcome = ("meets it", "meets the requirement", "fails the requirement")
     cases = PlayedCases(np.arange(1, len(flown) + 1), [is_met], words=words, outcome=outcome)
+    if experiment.mission.has_fleet:
+        fleets = [fly_logged_fleet(experiment.mission, controller, start) for start in starts]
+        deputies = deputies_of(experiment, controller, dict(enumerate(fleets)))
+        return panel(PlayedPage("", "worst", deputies, cases, fleets=[len(deputies)]))
     run = PlayedRun(
         experiment.name, experiment.name, experiment.mission, controller, starts, range(len(starts))
     )
     return panel(PlayedPage("", "worst", [(run, carried_of(run))], cases))
+
+
+def _start_of_worst(folder: Path, worst: Mapping[str, Any]) -> Scenario:
+    """Return the start of a recorded flight, or the starts of a fleet from the recordings of its deputies."""
+    names = worst.get("recordings", [worst["recording"]])
+    first, *others = (start_of(read(folder / name, ())) for name in names)
+    return replace(first, others=tuple(others))
 
 
 def _page(runs: Sequence[EvaluatedRun], rows: Sequence[Sequence[int]], file_name: str) -> PlayedPage:

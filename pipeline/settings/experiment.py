@@ -311,7 +311,7 @@ class Experiment(Settings, group=""):
         return self.sun.mode if self.monte_carlo.table is None else "of the starts"
 
     def _check_fleets_and_starts(self) -> None:
-        """Raise SettingError for fleets and parked starts where a run does not know them."""
+        """Raise SettingError for fleets, and their starts, where a run does not know them."""
         cases, deputies = self.monte_carlo, self.mission.fleet.deputies
         unaware = ", ".join(stage for stage in self.stages if stage not in OF_FLEETS)
         for words, is_set, cure in (
@@ -339,11 +339,6 @@ class Experiment(Settings, group=""):
                     f"fleet.deputies is {deputies}, and the starts are of {given} each case; give starts of "
                     "as many, with a column deputy, or change fleet.deputies"
                 )
-        if cases.parked and cases.splitting_flights:
-            raise SettingError(
-                "monte_carlo.parked is true, and monte_carlo.splitting_flights draws no such starts; leave "
-                "one of them out"
-            )
 
     def _check_distance(self, what: str, distance_m: float) -> None:
         """Raise SettingError if a start is outside the limits of the flight, or inside the chief."""

@@ -122,9 +122,7 @@ def run(experiment: Experiment, folder: Path) -> str:
     writing.write_json(folder / artifacts.EVIDENCE, gathered)
     requirements_told = gathered["requirements"]
     controller = controller_of_run(experiment, folder)
-    # pages fly one deputy; recordings of a fleet open together in the page that telemetry writes
-    has_fleet = experiment.mission.has_fleet
-    player = None if has_fleet else player_of_worst(experiment, controller, folder, requirements_told)
+    player = player_of_worst(experiment, controller, folder, requirements_told)
     page = render_evidence(gathered, _tube_drawn(experiment, folder, requirements_told), player)
     writing.write_atomically(folder / artifacts.EVIDENCE_PAGE, page)
     writing.write_atomically(folder / artifacts.BOARD_PAGE, _board(experiment, folder, gathered))

@@ -4,7 +4,7 @@ A case's genes are its start, its Sun and its dispersed settings (`pipeline.eval
 from its number follow the errors within its flight.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.campaign import Campaign
-from pipeline.evaluation.assurance.case_space import CaseSpace
+from pipeline.evaluation.assurance.case_space import CaseSpace, numbered
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.evaluation.population import Numbers
 from pipeline.flight.control.controller import Controller
@@ -46,7 +46,7 @@ class FlightLaw:
     def scenarios(self, genes: Floats, numbers: Numbers) -> list[Scenario]:
         """Return the cases of genes (n, num_genes) and numbers (n,)."""
         return [
-            replace(self.space.scenario(of_case), noise=(self.seed, RARE, number))
+            numbered(self.space.scenario(of_case), (self.seed, RARE, number))
             for of_case, number in zip(genes, numbers.tolist(), strict=True)
         ]
 

@@ -21,8 +21,8 @@ SCHEMA: Final = ("requirements", 2)
 CASES, SPLITTING, SEARCH, BOUNDS = "cases", "splitting", "search", "bounds"
 SAFETY_LAYER, TUBE = "safety_layer", "tube"
 METHODS: Final = (CASES, SPLITTING, SEARCH, BOUNDS, SAFETY_LAYER, TUBE)
-#: those that vary, or enclose, the start of a single deputy
-OF_ONE_DEPUTY: Final = (SPLITTING, SEARCH, TUBE)
+#: those that enclose the starts of a single deputy, at rest or at any velocity of a box
+OF_ONE_DEPUTY: Final = (TUBE,)
 #: how bad a failure is, the worst first
 SEVERITIES: Final = ("catastrophic", "critical", "marginal")
 TEXTS: Final = ("title", "text", "consequence", "severity", "reason", "source")
@@ -325,13 +325,13 @@ def check_deputies(requirements: Sequence[Requirement], mission: Mission) -> Non
         if unaware and mission.has_fleet:
             raise RequirementError(
                 f"{requirement.id}: fleet.deputies is {mission.fleet.deputies}, and verified_by has "
-                f"{unaware[0]}, which varies the start of one deputy; leave it out, or choose requirements "
-                "for fleets, such as assurance.requirements=inspection_fleet"
+                f"{unaware[0]}, which encloses the starts of one deputy; leave it out, or choose "
+                "requirements for fleets, such as assurance.requirements=inspection_fleet"
             )
 
 
 def check_starts(requirements: Sequence[Requirement], cases: MonteCarlo) -> None:
-    """Refuse methods that vary starts otherwise than cases do.
+    """Refuse methods that enclose other starts than those of cases.
 
     Raises
     ------

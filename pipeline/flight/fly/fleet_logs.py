@@ -45,6 +45,11 @@ class DeputyLog:
         By what it heard last of each, the points that are seen, or that its coasting will show.
     positions : (K, D, 3)
         And where each believed to be, m, Hill axes.
+    stops : (K, D, 3)
+        Where deputies are kept apart: where each would stop, as it told when that was due to be heard, or
+        where it would have at the start, m, Hill axes.
+    arrived : (K, D)
+        1 where that was heard.
     """
 
     deputy: int
@@ -53,6 +58,8 @@ class DeputyLog:
     left_to: Bytes
     shown: Bytes
     positions: Floats
+    stops: Floats
+    arrived: Bytes
 
 
 class Heard(NamedTuple):
@@ -159,6 +166,8 @@ def fly_logged_fleet(mission: Mission, controller: Controller, scenario: Scenari
             messages.left_to[0, row],
             messages.shown[0, row],
             messages.positions[0, row],
+            messages.stops[0, row],
+            messages.arrived[0, row],
         )
         for row, start in enumerate(scenario.fleet)
     ]

@@ -57,7 +57,7 @@ from pipeline.flight.state.arrays import (
     allocated,
 )
 from pipeline.flight.state.errors import ModelErrors
-from pipeline.flight.state.link import Link
+from pipeline.flight.state.link import Link, arrives
 from pipeline.flight.state.log import Outcomes, Scenario, points_needed
 from pipeline.flight.state.signals import SETTING, URGENCY
 from pipeline.flight.world.bounds import bounds_of
@@ -84,6 +84,9 @@ class Messages(NamedTuple):
     positions: Annotated[Floats, "m", "D", "K", "D", 3]
     # where deputies are kept apart: commanded forces, N, Hill axes, and for which limit changed
     forces: Annotated[Floats, "m", "D", "K", 4]
+    # and where each would stop, by what is due of it, or where it started, m; 1 where the first hears it
+    stops: Annotated[Floats, "m", "D", "K", "D", 3]
+    arrived: Annotated[Bytes, "m", "D", "K", "D"]
 
 
 class FleetResults(NamedTuple):
@@ -162,6 +165,18 @@ def note_forces(now: Moment, deputies: int, messages: Messages) -> None:
         row[3] = lanes.limit[lane]
 
 
+@compiled(error_model="numpy")
+def note_stops(now: Moment, apart: Apart, link: Link, messages: Messages) -> None:
+    """Note where the deputies that are kept apart would stop, and who hears it, where there is room."""
+    deputies, size = apart.deputies, len(apart.stops)
+    slot = (now.k + size - link.delay) % size if now.k >= link.delay else 0
+    for lane in range(now.num_lanes if len(messages.stops) > 0 else 0):
+        row = (now.first + lane) // deputies, lane % deputies, now.k
+        for other in range(deputies):
+            messages.arrived[row][other] = arrives(link, now, lane, other, deputies)
+            messages.stops[row][other] = apart.stops[slot, lane - lane % deputies + other]
+
+
 @compiled(nogil=True, error_model="numpy")
 def fly_fleets(
     optics: FullOptics | None,
@@ -214,6 +229,7 @@ def fly_fleets(
             if apart is not None:
                 assure_apart(now, apart, exchange.link)
                 note_forces(now, deputies, results.messages)
+                note_stops(now, apart, exchange.link, results.messages)
                 move_on(now, work, errors, law.plans)
             else:
                 act(now, work, errors, law.plans)

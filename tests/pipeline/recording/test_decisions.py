@@ -162,8 +162,8 @@ def fleet_log(*, seen=(), left=(), num_points=6, num_inspectable=6):
     for (first, last), point, other in left:
         left_to[first:last, point] = other
     counted = replace_points(cases.flown(*WORDS), num_points, num_inspectable)
-    heard = np.zeros((count, 2, num_points), np.uint8), np.zeros((count, 2, 3))
-    return DeputyLog(1, counted, seen_by, left_to, *heard)
+    shown, arrived = np.zeros((count, 2, num_points), np.uint8), np.zeros((count, 2), np.uint8)
+    return DeputyLog(1, counted, seen_by, left_to, shown, *np.zeros((2, count, 2, 3)), arrived)
 
 
 def replace_points(log, num_points, num_inspectable):

@@ -77,7 +77,7 @@ class Apart(NamedTuple):
     stops: Annotated[Floats, "S", "L", 3]  # m
     # at least so far from a lane's stop is that of each deputy of its fleet, as it knows, m
     gaps: Annotated[Floats, "L", "D"]
-    # (u_x, u_y, u_z, level): beyond this plane, u . r <= level, the other has kept its stop; level NaN: none
+    # (u_x, u_y, u_z, level): beyond this plane, u . r <= level, the other has kept its stop; level inf: none
     planes: Annotated[Floats, "L", "D", 4]
     # how far a deputy is led back to its planned stop in a control period, m; 0: nothing is inexact
     back: float
@@ -122,10 +122,11 @@ def nearer_by(gap: float, distance: float) -> float:
 def gap_heard(apart: Apart, now: Moment, lane: int, other: int, distance: float, delay: int) -> float:
     """Return how far from a lane's stop another's is at least, by where it was a delay before, m."""
     size = len(apart.stops)
-    stop = three_of(apart.stops[(now.k - delay) % size, lane])
-    gap = length(stop - three_of(apart.stops[(now.k - delay) % size, other]))
-    for k in range(now.k - delay + 1, now.k + 1):
-        moved = three_of(apart.stops[k % size, lane])
+    then = (now.k + size - delay) % size
+    stop = three_of(apart.stops[then, lane])
+    gap = length(stop - three_of(apart.stops[then, other]))
+    for ago in range(delay - 1, -1, -1):
+        moved = three_of(apart.stops[(now.k + size - ago) % size, lane])
         gap, stop = nearer_by(gap, distance) - length(moved - stop), moved
     return gap
 
@@ -143,15 +144,15 @@ def sense_gaps(now: Moment, apart: Apart, link: Link, distance: float) -> None:
             apart.stops[k % size, lane, axis] = value
     for lane in range(now.num_lanes):
         first, stop = lane - lane % deputies, three_of(apart.stops[k % size, lane])
-        before = three_of(apart.stops[(k - 1) % size, lane])
+        before = three_of(apart.stops[(k + size - 1) % size, lane])
         for deputy in range(deputies):
             gap, plane = apart.gaps[lane, deputy], apart.planes[lane, deputy]
             if k == 0:
                 gap = length(stop - three_of(apart.stops[0, first + deputy]))
-            elif np.isnan(plane[3]):
-                gap = nearer_by(gap, distance) - length(stop - before)
-            else:
+            elif plane[3] < np.inf:
                 gap = dot(three_of(plane), stop) - plane[3]
+            else:
+                gap = nearer_by(gap, distance) - length(stop - before)
             if k > 0 and arrives(link, now, lane, deputy, deputies):
                 gap = max(gap, gap_heard(apart, now, lane, first + deputy, distance, link.delay))
             apart.gaps[lane, deputy] = gap
@@ -180,7 +181,7 @@ def place_planes(now: Moment, apart: Apart, link: Link, lane: int, free: Flying)
     stop, distance = three_of(apart.stops[slot, lane]), apart.distance + 2.0 * SLACK
     for deputy in range(apart.deputies):
         other, plane = first + deputy, apart.planes[lane, deputy]
-        plane[3] = np.nan
+        plane[3] = np.inf
         if other == lane:
             continue
         if link.delay > 0 or not arrives(link, now, lane, deputy, apart.deputies):
@@ -195,12 +196,13 @@ def place_planes(now: Moment, apart: Apart, link: Link, lane: int, free: Flying)
         plane[3] = level - half
         place_side(world, free, along, level + half, cuts[num_planes:])
         num_planes += 2
-    for axis in range(3 if room < np.inf else 0):
-        for side in (-1.0, 1.0):
-            along = Three(side * (axis == 0), side * (axis == 1), side * (axis == 2))
-            level = dot(along, stop) - max(room, 0.0) / sqrt(3.0)
-            place_side(world, free, along, level, cuts[num_planes:])
-            num_planes += 2
+    if room < np.inf:
+        for axis in range(3):
+            for side in (-1.0, 1.0):
+                along = Three(side * (axis == 0), side * (axis == 1), side * (axis == 2))
+                level = dot(along, stop) - max(room, 0.0) / sqrt(3.0)
+                place_side(world, free, along, level, cuts[num_planes:])
+                num_planes += 2
     return num_planes
 
 
@@ -321,9 +323,10 @@ def assure_apart(now: Moment, apart: Apart, link: Link) -> None:
                 force, is_planned = towards_stop(world, k, known, free, force, apart.cuts, num_planes), True
             note_correction(now, lane, limit, force - requested)
             write_lane(lanes.commanded, 0, lane, force)
-        if is_planned:
-            plan = stop_of(world, next_state(world, k, free, force))
-        write_three(apart.plans[lane], plan)
+        if apart.back > 0.0:
+            if is_planned:
+                plan = stop_of(world, next_state(world, k, free, force))
+            write_three(apart.plans[lane], plan)
 
 
 @compiled(error_model="numpy")

@@ -6,14 +6,17 @@ from itertools import combinations
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from scipy.stats import binomtest
 
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load
-from pipeline.evaluation.assurance.campaign import Campaign, evaluate_each, evaluate_formulas
+from pipeline.evaluation.assurance.campaign import Campaign, evaluate_each, evaluate_formulas, search
+from pipeline.evaluation.assurance.case_space import case_space
 from pipeline.evaluation.assurance.conditions import start_bounds
 from pipeline.evaluation.assurance.formula import parse
 from pipeline.evaluation.assurance.proofs import safety_proof
 from pipeline.evaluation.assurance.quantities import UNITS, of_tracks
+from pipeline.evaluation.assurance.rare import RARE, NotMet
 from pipeline.evaluation.assurance.requirements import (
     OF_ONE_DEPUTY,
     RequirementError,
@@ -22,8 +25,10 @@ from pipeline.evaluation.assurance.requirements import (
     load_requirements,
 )
 from pipeline.evaluation.monte_carlo import fly_tracked
+from pipeline.evaluation.splitting import rare_share
 from pipeline.flight.fly.fleet_logs import fly_logged_fleet
 from pipeline.flight.world.bounds import bounds_of, spheres_of
+from pipeline.run.engine import HERE
 from pipeline.scenarios import DrawnCases
 from pipeline.settings.experiment import Mission
 
@@ -182,11 +187,11 @@ def test_parked_starts_are_proved_by_how_fast_they_may_be():
     assert 0.8 * speed < speeds.max() <= speed
     proof = safety_proof(experiment.mission, scenarios, (near, far, speed))
     assert proof.proves(parse("nearest_pair >= 12.3 m -> always (nearest_pair >= 10 m)", UNITS))
-    requirements = load_requirements("inspection", experiment.mission)
-    with pytest.raises(
-        RequirementError, match=r"R1: monte_carlo\.parked is true, and verified_by has search"
-    ):
-        check_starts(requirements, experiment.monte_carlo)
+    requirements = load_requirements("inspection_fleet", experiment.mission)
+    check_starts(requirements, experiment.monte_carlo)
+    enclosed = replace(requirements[0], verified_by=("tube",))
+    with pytest.raises(RequirementError, match=r"R1: monte_carlo\.parked is true, and verified_by has tube"):
+        check_starts([enclosed], experiment.monte_carlo)
 
 
 def test_requirements_fit_the_number_of_deputies():
@@ -197,5 +202,42 @@ def test_requirements_fit_the_number_of_deputies():
     check_formulas(requirements, fleet)
     for method in OF_ONE_DEPUTY:
         unaware = replace(requirements[0], verified_by=("cases", method))
-        with pytest.raises(RequirementError, match=rf"verified_by has {method}, which varies the start of"):
+        with pytest.raises(RequirementError, match=rf"verified_by has {method}, which encloses the starts"):
             check_formulas([unaware], fleet)
+
+
+def test_a_search_finds_deputies_nearer_to_one_another_than_as_many_random_cases():
+    """It varies the starts of all; the margin of its worst case is that of its logged flights."""
+    words = "safety=none", "fleet.keep_apart_m=0", "duration_s=600", "assurance.search_generations=8"
+    experiment, controller, _ = composed(*words)
+    pair = load_requirements("inspection_fleet", experiment.mission)[4]
+    formula = parse("always (nearest_pair >= 10 m)", UNITS)
+    requirement, space = replace(pair, formula=formula, verified_by=("search",)), case_space(experiment)
+    campaign = Campaign(experiment.mission, controller, 1)
+    result = search(requirement, campaign, space, experiment, 0)
+    random = campaign.judge(DrawnCases(experiment, range(len(result.scenarios))), [requirement])["R5"]
+    worst = result.scenarios[result.worst]
+    assert result.outcome.worst[0] < min(random.worst[0], 0.0)
+    first, second = (log.flight.position_m for log in fly_logged_fleet(experiment.mission, controller, worst))
+    nearest = np.linalg.norm(first - second, axis=1).min()
+    assert result.outcome.worst[0] == pytest.approx(nearest - 10.0, abs=1e-4)
+    for number in range(2):
+        starts = np.array([scenario.fleet[number].position_m for scenario in result.scenarios])
+        distances = np.linalg.norm(starts, axis=1)
+        assert np.all((distances > 49.999) & (distances < 100.001))
+        assert len(np.unique(starts, axis=0)) > 0.9 * len(starts)
+
+
+def test_the_share_of_fleets_that_come_near_is_that_of_random_cases():
+    """By splitting; the intervals of both hold the same shares."""
+    words = "safety=none", "fleet.keep_apart_m=0", "duration_s=600", "assurance.num_cases=2000"
+    experiment, controller, _ = composed(*words)
+    pair = load_requirements("inspection_fleet", experiment.mission)[4]
+    requirement = replace(pair, formula=parse("always (nearest_pair >= 10 m)", UNITS))
+    campaign = Campaign(experiment.mission, controller, 1)
+    law = NotMet(case_space(experiment, is_exact=True), experiment.seed, campaign, requirement)
+    rare = rare_share(law, 4000, 95.0, (experiment.seed, RARE, 1), HERE, lambda _: None)
+    flown = campaign.judge(DrawnCases(experiment, range(2000)), [requirement])["R5"]
+    interval = binomtest(int(np.count_nonzero(~flown.is_met)), 2000).proportion_ci(0.95)
+    assert 0.0 < rare.low < interval.high
+    assert interval.low < rare.high < 0.1

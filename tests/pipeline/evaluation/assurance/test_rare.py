@@ -46,8 +46,11 @@ REQUIREMENT = parse_requirements(REQUIREMENTS, "requirements.yaml").requirements
         ("sun=random", DISPERSED),
         ("sun=mixed", "monte_carlo.directions=angles", "monte_carlo.max_speed_m_s=0.3"),
         ("sun=random", "sun.elevation_range_deg=[-20,60]"),
+        ("sun=mixed", "monte_carlo.parked=true"),
+        ("sun=random", "fleet.deputies=3", "monte_carlo.max_speed_m_s=0.3"),
+        ("sun=mixed", "fleet.deputies=2", "monte_carlo.parked=true"),
     ],
-    ids=["dispersed", "mixed", "tilted"],
+    ids=["dispersed", "mixed", "tilted", "parked", "fleets", "parked-fleets"],
 )
 def test_cases_have_the_law_of_the_evaluation(words):
     number = 3000
@@ -60,9 +63,10 @@ def test_cases_have_the_law_of_the_evaluation(words):
         return np.array(
             [
                 [
-                    *case.position_m,
-                    *case.velocity_m_s,
-                    np.linalg.norm(case.position_m),
+                    *(value for each in case.fleet for value in (*each.position_m, *each.velocity_m_s)),
+                    *(np.linalg.norm(each.position_m) for each in case.fleet),
+                    *(each.sun_angle_rad + each.sun_elevation_rad for each in case.fleet),
+                    *(np.linalg.norm(case.position_m - each.position_m) for each in case.others),
                     case.sun_angle_rad,
                     case.sun_elevation_rad,
                     *(value for _, value in drawn(experiment.mission, case)),
@@ -73,7 +77,8 @@ def test_cases_have_the_law_of_the_evaluation(words):
 
     for first, second in zip(*(numbers(scenarios).T for scenarios in pair), strict=True):
         assert ks_2samp(first, second).pvalue > 1e-4
-    assert len({case.noise for case in pair[1]}) == number
+    noises = {each.noise for case in pair[1] for each in case.fleet}
+    assert len(noises) == number * experiment.mission.fleet.deputies
 
 
 def test_margins_are_how_far_flights_stay_within_their_limits():
