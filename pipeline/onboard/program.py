@@ -34,7 +34,7 @@ from pipeline.onboard.free_cells import FreeCells
 from pipeline.onboard.law_values import Values
 from pipeline.onboard.members import Members, record_of
 from pipeline.onboard.operations import OPERATIONS
-from pipeline.onboard.planner import ANYWHERE, PushPlanner, check, ranges_of, write_planner
+from pipeline.onboard.planner import ANYWHERE, PushPlanner, ranges_of, write_planner
 from pipeline.onboard.restart import write_restart
 from pipeline.onboard.sharing import is_shared, write_sharing
 from pipeline.onboard.translator import Translator
@@ -301,7 +301,6 @@ def _planner(
 ) -> PushPlanner:
     """Write what plans the pushes of a controller with foresight."""
     known, (start,) = as_believed(mission, [ANYWHERE])
-    check(mission, controller)
     known = replace(known, attitude=replace(mission.attitude, mode="ideal"))
     deputies = at_start(mission, known, controller, [start], 0, LANES)
     return write_planner(translator, deputies, now, work, optics, law)

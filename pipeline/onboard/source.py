@@ -125,7 +125,7 @@ def sources(program: OnboardProgram, prefix: str = USUAL) -> Sources:
         code += [Line(line) for line in text.splitlines()]
     for function in functions:
         code += _definition(function)
-    interface = _interface(program, members)
+    interface = _interface(program, members, functions)
     facts = _facts(program, members, interface, {function.name for function in functions})
     code += [Line(text) for text in rendered("entries.c.jinja", **facts).splitlines()]
     text = renamed("".join(f"{line.text}\n" for line in code), prefix)
@@ -181,7 +181,9 @@ def rendered(template: str, **facts: Any) -> str:
     return str(_environment().get_template(template).render(facts))
 
 
-def _interface(program: OnboardProgram, members: Mapping[str, Any]) -> Interface:
+def _interface(
+    program: OnboardProgram, members: Mapping[str, Any], functions: Sequence[Function]
+) -> Interface:
     """Return the interface of a program."""
     (_, designed), *_ = program.choices
     return interface_of(
@@ -190,7 +192,7 @@ def _interface(program: OnboardProgram, members: Mapping[str, Any]) -> Interface
         is_sun_in_plane=program.is_sun_in_plane and not {"sun", "sun_at_start"}.isdisjoint(members),
         parameters={name: designed[name] for name in program.parameters},
         members=members,
-        functions=program.translator.functions,
+        functions=functions,
         has_covariance=program.has_covariance,
         axes="body" if program.law.force_axes == BODY else "Hill",
         limits="0 none, 1 keep out, 2 keep in, 3 speed, 4 passive safety, 7 speed along an axis",

@@ -455,9 +455,3 @@ def test_what_is_not_exported_yet_is_refused_with_a_cure(changes, words):
     with pytest.raises(NotTranslatableError, match=rf"{words}.*; .*--bare"):
         translate(flown, PLANNING["champion_27_rehearsed"])
     assert translate(flown, PLANNING["champion_27_rehearsed"], rules_alone=True).planner is None
-
-
-def test_what_is_drawn_for_each_flight_is_refused_with_a_cure():
-    drawn = replace(SHORT, dispersions={"deputy.mass_kg": {"kind": "normal", "mean": 12.0, "std": 0.6}})
-    with pytest.raises(NotTranslatableError, match=r"leave dispersions out, or add --bare"):
-        translate(drawn, PLANNING["champion_27_rehearsed"])
