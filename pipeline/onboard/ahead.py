@@ -70,14 +70,14 @@ def write_flight(
     NotTranslatableError
         If it would decide in another world.
     """
-    known = _with_arrays_of(known, now.world)
+    known = _with_arrays_of(known, now.world)._replace(has_clusters=now.world.has_clusters)
     # neither decisions nor the safety layer read these
     theirs = {name: getattr(now.world, name) for name in ("is_attitude_ideal", "first", "course", "after")}
     flown = known._replace(**theirs)
-    if known.has_clusters or not _is_same(flown, now.world):
+    if not _is_same(flown, now.world):
         raise NotTranslatableError(
-            "a flight ahead would choose among clusters, or decide in another world than the deputy, which "
-            "is not exported yet; add --bare: then its plan is an input"
+            "a flight ahead would decide in another world than the deputy, which is not exported yet; add "
+            "--bare: then its plan is an input"
         )
     num_controls = known.num_controls
     begun = known._replace(first=Expression("first", "int", True, (0, num_controls - 1)))  # type: ignore[arg-type]

@@ -212,8 +212,9 @@ def translate(
         flown, controller = bare(designed), finishing(designed)
     world, law = pack_world(mission), law_of(controller, mission)
     sensed = {variable.name for system in controller.systems for variable in system.inputs}
-    has_clusters = world.has_clusters and bool(sensed & OF_TARGET)
-    if has_clusters and mission.navigation.mode != "perfect":
+    # where no target is sensed, none is chosen
+    world = world._replace(has_clusters=world.has_clusters and bool(sensed & OF_TARGET))
+    if world.has_clusters and mission.navigation.mode != "perfect":
         raise NotTranslatableError(
             f"{controller.name!r} senses the cluster nearest to where the deputy truly is, which is not "
             "known on board; set navigation=perfect or guidance.kind=centroid"
@@ -264,7 +265,7 @@ def translate(
             },
             {look_optics.eye_at: without_camera},
         )
-    if has_clusters:
+    if world.has_clusters:
         given = {"now": now, "lane": 0, "candidate_marks": work.candidate_marks}
         given |= {name: getattr(work, name) for name in ("candidates", "labels", "distances", "sums")}
         translator.write("choose_cluster", choose_cluster, given)
