@@ -25,6 +25,7 @@ from pipeline.flight.fly.replanning import foresees
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.onboard.allowed import NotTranslatableError
+from pipeline.onboard.dispersed import of_all_flights
 from pipeline.onboard.export import export
 from pipeline.onboard.program import OnboardProgram, translate
 from pipeline.onboard.recorded import Library, differing, recorded
@@ -41,18 +42,25 @@ ELLIPSE = (
 )
 #: and of a chief that tumbles
 TUMBLING = "chief=tumbling"
+#: what each flight draws of its own: fixes, and thrusters and drag that vary as time goes by
+VARYING_THRUST = "+dispersions.actuators.scale_error={kind:normal,mean:0.0,std:0.05,correlation_s:600}"
+VARYING_DRAG = "+dispersions.dynamics.drag_m_s2={kind:normal,mean:3e-7,std:1e-7,low:0,correlation_s:1200}"
+NOISE = "+dispersions.navigation.noise_m={kind:uniform,low:0.5,high:2.0}"
 #: missions that bring tables of their own: of what a chief's parts hide, and of an orbit that is no circle;
-#: in which what ships for another mission plans on board; in which errors make plans anew; and in which plans
-#: take tables of a chief's orbit and of its turn
+#: in which what ships for another mission plans on board; in which errors make plans anew; in which flights
+#: draw settings; and in which plans take tables of a chief's orbit and of its turn
 MISSIONS: tuple[tuple[str, ...], ...] = (
     ("champion_27", "sun=random", "chief=satellite"),
     ("champion_leo_rehearsed", "sun=random"),
     ("champion_leo_parked", "sun=random"),
     ("champion_27_rehearsed", "sun=random", "navigation=fixes", "actuators=real"),
+    ("champion_27_rehearsed", "sun=random", "navigation=fixes", "actuators=real", NOISE, VARYING_THRUST),
+    ("champion_leo_rehearsed", "world=leo", "safety=robust", VARYING_THRUST, VARYING_DRAG),
     ("champion_leo", "sun=random", *ELLIPSE),
     ("champion_leo_rehearsed", "sun=random", *ELLIPSE),
     ("champion_leo_rehearsed", "sun=random", *ELLIPSE, "navigation=fixes", "actuators=real"),
     ("champion_27_rehearsed", "sun=random", TUMBLING),
+    ("champion_leo_rehearsed", "sun=random", TUMBLING),
 )
 #: compilers and levels of optimisation by which each flight is repeated
 COMPILERS, LEVELS = ("gcc", "clang"), ("-O0", "-O1", "-O2", "-O3")
@@ -116,7 +124,7 @@ def program_of(words: Sequence[str]) -> tuple[OnboardProgram, list[Scenario]]:
     mission = job.experiment.mission
     controller = source.load(job.config["controller"], mission)
     try:
-        program = translate(mission, controller)
+        program = of_all_flights(mission, lambda flown: translate(flown, controller))
     except NotTranslatableError:  # where its planner is not exported
         program = translate(mission, controller, rules_alone=True)
     return program, list(evaluation_scenarios(job.experiment))

@@ -113,19 +113,23 @@ def export_c(arguments: Sequence[str]) -> int:
     within("--flights", chosen.flights, 1, 10000)
     folder: Path = chosen.output
     from pipeline.controllers.source import load  # noqa: PLC0415 - compiled code, needed once the rest is right
-    from pipeline.onboard import allowed, export, program  # noqa: PLC0415
+    from pipeline.onboard import allowed, dispersed, export, program  # noqa: PLC0415
     from pipeline.onboard.prefix import PrefixError, check_prefix  # noqa: PLC0415
     from pipeline.scenarios import evaluation_scenarios  # noqa: PLC0415
 
     mission = experiment.mission
     try:
         check_prefix(chosen.prefix)
-        translated = program.translate(
+        controller = load(experiment.controller, mission)
+        translated = dispersed.of_all_flights(
             mission.of_each,
-            load(experiment.controller, mission),
-            is_tilted=any(experiment.sun.elevations_deg),
-            rules_alone=chosen.bare,
-            fleet=mission.fleet,
+            lambda flown: program.translate(
+                flown,
+                controller,
+                is_tilted=any(experiment.sun.elevations_deg),
+                rules_alone=chosen.bare,
+                fleet=mission.fleet,
+            ),
         )
         exported = export.export(
             translated,

@@ -18,7 +18,10 @@ from pipeline.onboard.translator import Translator
 from pipeline.onboard.values import Expression, leaves, map_leaves
 
 #: members of the state that a flight carries on, and so does the flight ahead
-EXCHANGED = ("belief_position", "belief_velocity", "unseen", "num_unseen", "coasts", "parks")
+EXCHANGED = (
+    *("belief_position", "belief_velocity", "unseen", "num_unseen", "coasts", "parks"),
+    *("clustered", "centres", "num_centres"),
+)
 #: and what goes with them where the course of the chief turns the Sun otherwise than a deputy knows it
 DEADLINES = "deadlines"
 
@@ -70,20 +73,21 @@ def write_flight(
     NotTranslatableError
         If it would decide in another world.
     """
-    known = _with_arrays_of(known, now.world)
+    known = _with_arrays_of(known, now.world)._replace(has_clusters=now.world.has_clusters)
     # neither decisions nor the safety layer read these
-    theirs = {name: getattr(now.world, name) for name in ("is_attitude_ideal", "first", "course", "after")}
+    unread = "is_attitude_ideal", "first", "course", "after", "turns_by_thrust"
+    theirs = {name: getattr(now.world, name) for name in unread}
     flown = known._replace(**theirs)
-    if known.has_clusters or not _is_same(flown, now.world):
+    if not _is_same(flown, now.world):
         raise NotTranslatableError(
-            "a flight ahead would choose among clusters, or decide in another world than the deputy, which "
-            "is not exported yet; add --bare: then its plan is an input"
+            "a flight ahead would decide in another world than the deputy, which is not exported yet; add "
+            "--bare: then its plan is an input"
         )
     num_controls = known.num_controls
     begun = known._replace(first=Expression("first", "int", True, (0, num_controls - 1)))  # type: ignore[arg-type]
     until: Any = Expression("k", "int", True, (0, num_controls))
     looking, moving = Moment(begun, *now[1:4], until), now._replace(world=begun)
-    parts = {"clusters": None, "errors": None, "plans": law.plans}
+    parts = {"clusters": known.has_clusters or None, "errors": None, "plans": law.plans}
     looked = {"now": looking, "work": work, "optics": optics, **parts}
     translator.write("see_ahead", steps.look, looked)
     moved = {"now": moving, "work": work, "errors": errors, "plans": law.plans}

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterable
+from dataclasses import replace
 
 from pipeline.onboard.writer import Function, Line, pruned
 
@@ -9,11 +10,11 @@ _STORE = re.compile(r"\s*state->(\w+(?:\[\d+\])*) = (.*);")
 
 
 def without_dead_stores(functions: Iterable[Function], kept_members: frozenset[str]) -> list[Function]:
-    """Leave out what is written to elements of the state that nothing reads, and what that alone needs.
+    """Return functions without what is written to elements of the state that nothing reads, and its needs.
 
     The kept members are read elsewhere.
     """
-    functions = list(functions)
+    functions = [replace(function) for function in functions]  # a program may be written again
     while True:
         elements, wholes = _read(line for function in functions for line in function.lines)
         is_changed = False

@@ -17,7 +17,6 @@ from pipeline.flight.state.log import Scenario
 from pipeline.flight.state.signals import constant
 from pipeline.flight.world.pack import pack_world
 from pipeline.onboard.ahead import DEADLINES, EXCHANGED, write_flight
-from pipeline.onboard.allowed import NotTranslatableError
 from pipeline.onboard.search import OnboardSearch, num_tried
 from pipeline.onboard.translator import Translator
 from pipeline.settings.experiment import Mission
@@ -139,21 +138,6 @@ def ranges_of(mission: Mission, controller: RuleController) -> dict[str, tuple[i
         "plan_seen_at": (0, mission.num_controls),
         "plan_top": (0, first.num_plans - 1),
     }
-
-
-def check(mission: Mission, controller: RuleController) -> None:
-    """Refuse a mission in which a flight with foresight is not what is translated.
-
-    Raises
-    ------
-    NotTranslatableError
-        With the fact and the cure.
-    """
-    if mission.dispersions:
-        raise NotTranslatableError(
-            f"{controller.name!r} would plan with what is drawn for each flight, and C has one mission; "
-            "leave dispersions out, or add --bare: then its plan is an input"
-        )
 
 
 def write_planner(

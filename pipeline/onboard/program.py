@@ -37,7 +37,7 @@ from pipeline.onboard.law_values import Values
 from pipeline.onboard.members import Members, record_of
 from pipeline.onboard.messages import STEP, STEP_AND_COVARIANCE, of_others
 from pipeline.onboard.operations import OPERATIONS
-from pipeline.onboard.planner import ANYWHERE, PushPlanner, check, ranges_of, write_planner
+from pipeline.onboard.planner import ANYWHERE, PushPlanner, ranges_of, write_planner
 from pipeline.onboard.restart import write_restart
 from pipeline.onboard.sharing import is_shared, write_sharing
 from pipeline.onboard.translator import Translator
@@ -226,12 +226,8 @@ def translate(
         flown, controller = bare(designed), finishing(designed)
     world, law = pack_world(mission), law_of(controller, mission)
     sensed = {variable.name for system in controller.systems for variable in system.inputs}
-    has_clusters = world.has_clusters and bool(sensed & OF_TARGET)
-    if has_clusters and mission.navigation.mode != "perfect":
-        raise NotTranslatableError(
-            f"{controller.name!r} senses the cluster nearest to where the deputy truly is, which is not "
-            "known on board; set navigation=perfect or guidance.kind=centroid"
-        )
+    # where no target is sensed, none is chosen
+    world = world._replace(has_clusters=world.has_clusters and bool(sensed & OF_TARGET))
     numbers, optics = controller.numbers, optics_in_use(world, is_tilted)
     images = dict(zip(tour_names(controller), tour_images(controller), strict=False))
     choices = images or {"as designed": controller}
@@ -278,7 +274,7 @@ def translate(
             },
             {look_optics.eye_at: without_camera},
         )
-    if has_clusters:
+    if world.has_clusters:
         given = {"now": now, "lane": 0, "candidate_marks": work.candidate_marks}
         given |= {name: getattr(work, name) for name in ("candidates", "labels", "distances", "sums")}
         translator.write("choose_cluster", choose_cluster, given)
@@ -322,7 +318,6 @@ def _planner(
 ) -> PushPlanner:
     """Write what plans the pushes of a controller with foresight."""
     known, (start,) = as_believed(mission, [ANYWHERE])
-    check(mission, controller)
     known = replace(known, attitude=replace(mission.attitude, mode="ideal"))
     deputies = at_start(mission, known, controller, [start], 0, LANES)
     return write_planner(translator, deputies, now, work, optics, law)

@@ -127,7 +127,7 @@ def sources(program: OnboardProgram, prefix: str = USUAL) -> Sources:
         code += [Line(line) for line in text.splitlines()]
     for function in functions:
         code += _definition(function)
-    interface = _interface(program, members)
+    interface = _interface(program, members, functions)
     facts = _facts(program, members, interface, {function.name for function in functions})
     code += [Line(text) for text in rendered("entries.c.jinja", **facts).splitlines()]
     text = renamed("".join(f"{line.text}\n" for line in code), prefix)
@@ -183,7 +183,9 @@ def rendered(template: str, **facts: Any) -> str:
     return str(_environment().get_template(template).render(facts))
 
 
-def _interface(program: OnboardProgram, members: Mapping[str, Any]) -> Interface:
+def _interface(
+    program: OnboardProgram, members: Mapping[str, Any], functions: Sequence[Function]
+) -> Interface:
     """Return the interface of a program."""
     (_, designed), *_ = program.choices
     return interface_of(
@@ -192,7 +194,7 @@ def _interface(program: OnboardProgram, members: Mapping[str, Any]) -> Interface
         is_sun_in_plane=program.is_sun_in_plane and not {"sun", "sun_at_start"}.isdisjoint(members),
         parameters={name: designed[name] for name in program.parameters},
         members=members,
-        functions=program.translator.functions,
+        functions=functions,
         inputs=program.inputs,
         axes="body" if program.law.force_axes == BODY else "Hill",
         limits="0 none, 1 keep out, 2 keep in, 3 speed, 4 passive safety, "
@@ -220,6 +222,8 @@ def _facts(
         "reach_m": REACH * world.max_distance,
         "functions": functions,
         "members": {name: int(np.prod(shape)) for name, (shape, _) in members.items()},
+        "kinds": {name: kind for name, (_, kind) in members.items()},
+        "shapes": {name: _lengths(shape) for name, (shape, _) in members.items()},
         "choices": [name for name, _ in program.choices],
         "rows": [[row[name] for name in parameters] or [0.0] for _, row in program.choices],
         "table": table,
@@ -239,7 +243,12 @@ def _rule_order(system: Any) -> list[int]:
 
 
 def _declared(name: str, shape: tuple[int, ...], kind: str) -> str:
-    return f"{kind} {name}{''.join(f'[{length}]' for length in shape if length != 1)};"
+    return f"{kind} {name}{''.join(f'[{length}]' for length in _lengths(shape))};"
+
+
+def _lengths(shape: tuple[int, ...]) -> list[int]:
+    """Return the lengths of the axes of a member that C has."""
+    return [length for length in shape if length != 1]
 
 
 def _helpers(lines: Sequence[Line]) -> Iterator[str]:

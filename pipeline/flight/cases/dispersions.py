@@ -54,7 +54,7 @@ def mission_of_case(mission: Mission, scenario: Scenario) -> Mission:
     SettingError
         If a drawn value is not allowed.
     """
-    return _changed(mission, drawn(mission, scenario))
+    return mission_with(mission, drawn(mission, scenario))
 
 
 def groups_of(mission: Mission, scenarios: Sequence[Scenario]) -> list[tuple[Mission, list[int]]]:
@@ -62,7 +62,7 @@ def groups_of(mission: Mission, scenarios: Sequence[Scenario]) -> list[tuple[Mis
     indices: dict[Drawn, list[int]] = {}
     for index, scenario in enumerate(scenarios):
         indices.setdefault(drawn(mission, scenario), []).append(index)
-    return [(_changed(mission, values), shared) for values, shared in indices.items()]
+    return [(mission_with(mission, values), shared) for values, shared in indices.items()]
 
 
 def missions_at_ends(mission: Mission) -> list[Mission]:
@@ -75,14 +75,20 @@ def missions_at_ends(mission: Mission) -> list[Mission]:
     """
     dispersed = distributions(mission.dispersions)
     return [
-        _changed(mission, tuple((distribution.key, distribution.ends[end]) for distribution in dispersed))
+        mission_with(mission, tuple((distribution.key, distribution.ends[end]) for distribution in dispersed))
         for end in (0, 1)
     ]
 
 
-def _changed(mission: Mission, values: Drawn) -> Mission:
-    """Return a mission with some settings of its own, and no dispersions but those in time."""
-    if not values:
+def mission_with(mission: Mission, values: Drawn) -> Mission:
+    """Return a mission with some settings of its own, and no dispersions but those in time.
+
+    Raises
+    ------
+    SettingError
+        If one of these values is not allowed.
+    """
+    if not distributions(mission.dispersions):
         return mission
     mission_changes: dict[str, Any] = {"dispersions": in_time_alone(mission.dispersions)}
     groups: dict[str, dict[str, float]] = {}

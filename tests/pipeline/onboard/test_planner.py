@@ -32,7 +32,7 @@ from pipeline.settings.mission import TwoBody
 from pipeline.settings.orbit import OrbitSettings
 from tests import night
 from tests.fis_tools.sample_controllers import SHIPPED
-from tests.pipeline.flight.cases import mission, random_starts
+from tests.pipeline.flight.cases import mission, random_starts, with_attributes
 
 pytestmark = [
     pytest.mark.slow,
@@ -447,17 +447,33 @@ def test_flights_ahead_leave_what_the_rules_go_on_with(replanning):
     assert any(left)
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"), [({**ERRORS, "guidance": {"kind": "clusters"}}, "would choose among clusters")]
-)
-def test_what_is_not_exported_yet_is_refused_with_a_cure(changes, words):
-    flown = mission(duration_s=1200.0, **changes)
-    with pytest.raises(NotTranslatableError, match=rf"{words}.*; .*--bare"):
-        translate(flown, PLANNING["champion_27_rehearsed"])
-    assert translate(flown, PLANNING["champion_27_rehearsed"], rules_alone=True).planner is None
+def planner_by_clusters():
+    """The paper's rules, which sense a target, with the plans of a champion."""
+    planned = dict(PLANNING["champion_27_rehearsed"].fuzzy.attributes)
+    kept = {name: text for name, text in planned.items() if name.startswith(("foresight_", "coast_"))}
+    return with_attributes(EVERY["paper_champion"], force_axes="hill", **kept)
 
 
-def test_what_is_drawn_for_each_flight_is_refused_with_a_cure():
-    drawn = replace(SHORT, dispersions={"deputy.mass_kg": {"kind": "normal", "mean": 12.0, "std": 0.6}})
-    with pytest.raises(NotTranslatableError, match=r"leave dispersions out, or add --bare"):
-        translate(drawn, PLANNING["champion_27_rehearsed"])
+@pytest.mark.parametrize("senses_target", [False, True])
+def test_clusters_with_errors_are_those_of_the_estimate(senses_target, tmp_path):
+    flown = mission(duration_s=1200.0, **ERRORS, guidance={"kind": "clusters"})
+    controller = planner_by_clusters() if senses_target else PLANNING["champion_27_rehearsed"]
+    program = translate(flown, controller)
+    assert ("choose_cluster" in {each.name for each in program.translator.functions}) == senses_target
+    assert program.planner.again is not None
+    library = written(program, tmp_path)
+    for start in random_starts(3, seed=5):
+        log = fly_logged(flown, program.controller, start)
+        assert len(differing(library.answers(recorded(program, start, log)), log)) == 0
+        assert len(np.unique(log.target_m, axis=0)) > 20
+    flights = log.foresight_ends_m_s
+    assert np.any(flights[:, 0] != flights[:, 1])  # flown ahead with the rules after a plan
+
+
+def test_thrusters_that_turn_the_deputy_are_flown_ahead_without_turning_it(tmp_path):
+    turned = {**ERRORS, "actuators": {"kind": "real", "thrust_arm_m": 0.1}}
+    flown = mission(duration_s=1200.0, **turned)
+    program = translate(flown, PLANNING["champion_27_rehearsed"])
+    (start,) = random_starts(1, seed=5)
+    log = fly_logged(flown, program.controller, start)
+    assert len(differing(written(program, tmp_path).answers(recorded(program, start, log)), log)) == 0
