@@ -18,10 +18,7 @@ from pipeline.onboard.translator import Translator
 from pipeline.onboard.values import Expression, leaves, map_leaves
 
 #: members of the state that a flight carries on, and so does the flight ahead
-EXCHANGED = (
-    *("belief_position", "belief_velocity", "unseen", "num_unseen", "coasts", "parks"),
-    *("clustered", "centres", "num_centres"),
-)
+EXCHANGED = ("belief_position", "belief_velocity", "unseen", "num_unseen", "coasts", "parks")
 #: and what goes with them where the course of the chief turns the Sun otherwise than a deputy knows it
 DEADLINES = "deadlines"
 
@@ -87,7 +84,7 @@ def write_flight(
     begun = known._replace(first=Expression("first", "int", True, (0, num_controls - 1)))  # type: ignore[arg-type]
     until: Any = Expression("k", "int", True, (0, num_controls))
     looking, moving = Moment(begun, *now[1:4], until), now._replace(world=begun)
-    parts = {"clusters": known.has_clusters or None, "errors": None, "plans": law.plans}
+    parts = {"clusters": None, "errors": None, "plans": law.plans}
     looked = {"now": looking, "work": work, "optics": optics, **parts}
     translator.write("see_ahead", steps.look, looked)
     moved = {"now": moving, "work": work, "errors": errors, "plans": law.plans}

@@ -228,6 +228,11 @@ def translate(
     sensed = {variable.name for system in controller.systems for variable in system.inputs}
     # where no target is sensed, none is chosen
     world = world._replace(has_clusters=world.has_clusters and bool(sensed & OF_TARGET))
+    if world.has_clusters and mission.navigation.mode != "perfect":
+        raise NotTranslatableError(
+            f"{controller.name!r} senses the cluster nearest to where the deputy truly is, which is not "
+            "known on board; set navigation=perfect or guidance.kind=centroid"
+        )
     numbers, optics = controller.numbers, optics_in_use(world, is_tilted)
     images = dict(zip(tour_names(controller), tour_images(controller), strict=False))
     choices = images or {"as designed": controller}

@@ -222,8 +222,6 @@ def _facts(
         "reach_m": REACH * world.max_distance,
         "functions": functions,
         "members": {name: int(np.prod(shape)) for name, (shape, _) in members.items()},
-        "kinds": {name: kind for name, (_, kind) in members.items()},
-        "shapes": {name: _lengths(shape) for name, (shape, _) in members.items()},
         "choices": [name for name, _ in program.choices],
         "rows": [[row[name] for name in parameters] or [0.0] for _, row in program.choices],
         "table": table,
@@ -243,12 +241,7 @@ def _rule_order(system: Any) -> list[int]:
 
 
 def _declared(name: str, shape: tuple[int, ...], kind: str) -> str:
-    return f"{kind} {name}{''.join(f'[{length}]' for length in _lengths(shape))};"
-
-
-def _lengths(shape: tuple[int, ...]) -> list[int]:
-    """Return the lengths of the axes of a member that C has."""
-    return [length for length in shape if length != 1]
+    return f"{kind} {name}{''.join(f'[{length}]' for length in shape if length != 1)};"
 
 
 def _helpers(lines: Sequence[Line]) -> Iterator[str]:

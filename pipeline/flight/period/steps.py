@@ -29,7 +29,7 @@ from pipeline.flight.period.decide.thrust import command, decide_to_coast, is_de
 from pipeline.flight.period.decide.tour import sense_tour
 from pipeline.flight.period.decide.urgency import sense_urgency
 from pipeline.flight.period.look.navigation import believe_truth, navigate, turn_by_sensing_error
-from pipeline.flight.period.look.sight import inspect_all, see
+from pipeline.flight.period.look.sight import see
 from pipeline.flight.state.arrays import Control, FullOptics, Moment, Plans, Workspace
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.lanes import load_row
@@ -45,18 +45,17 @@ def look(
     errors: ModelErrors | None,
     plans: Plans,
 ) -> None:
-    """Learn what the deputies believe, inspect what is lit and in view, and choose targets."""
+    """Inspect what is lit and in view, choose targets, and learn what the deputies then believe."""
     if now.world.is_attitude_ideal:
         aim_at_once(now, work.aims, plans)
         if errors is not None and errors.fixes.is_on:
             turn_by_sensing_error(now, errors.fixes.errors)
-    see(now)
+    see(now, work, optics, clusters)
     if errors is not None:
         if errors.fixes.is_on:
             navigate(now, errors.fixes)
         else:
             believe_truth(now.state)
-    inspect_all(now, work, optics, clusters)
 
 
 @compiled(error_model="numpy", forceinline=True)

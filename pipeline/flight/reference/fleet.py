@@ -114,7 +114,7 @@ def fleet_period(
         seen, state = looks[deputy], fleet.deputies[deputy]
         is_done = is_known[deputy] | (left[deputy] != NOBODY)
         candidates = flight.surface_at(k)[0][seen.is_lit & ~is_done]
-        target, state.centres = chosen_target(flight.mission, candidates, seen.known[:3], centres[deputy])
+        target, state.centres = chosen_target(flight.mission, candidates, state.truth[:3], centres[deputy])
         looks[deputy] = replace(seen, is_inspected=is_done, candidates=candidates, target=target)
         act, state = period.act(flight, k, state, looks[deputy], decide(flight, k, looks[deputy], state))
         # what is left to others may yet be seen by this deputy

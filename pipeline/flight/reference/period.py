@@ -67,7 +67,7 @@ def period(
 
 
 def look(flight: ReferenceFlight, k: int, state: ReferenceState) -> Look:
-    """Inspect, navigate, and choose where to look next; update the belief and cluster centres of `state`."""
+    """Inspect, choose where to look next, and navigate; update the belief and cluster centres of `state`."""
     mission, position, attitude = flight.mission, state.truth[:3], state.attitude
     y = next_y(mission, position, state.y)
     if mission.attitude.mode == "ideal":
@@ -76,13 +76,13 @@ def look(flight: ReferenceFlight, k: int, state: ReferenceState) -> Look:
         state.rate = np.zeros(3)
     camera, is_lit = held(attitude, mission.sensor), flight.is_lit[k]
     is_inspected = state.is_inspected | (is_lit & seen_points(flight, k, position, camera, flight.suns[k]))
+    candidates = flight.surface_at(k)[0][is_lit & ~is_inspected]
+    target, state.centres = chosen_target(mission, candidates, position, state.centres)
     known, covariance, sensed = state.truth, np.zeros((6, 6)), attitude * flight.tilt(k)
     if state.belief is not None:
         measured = navigation.fix(flight, k, position, attitude)
         known, covariance = navigation.estimate(flight, k, state.belief, measured, sensed)
         y = next_y(mission, known[:3], state.y)
-    candidates = flight.surface_at(k)[0][is_lit & ~is_inspected]
-    target, state.centres = chosen_target(mission, candidates, known[:3], state.centres)
     innovation = state.belief.innovation if state.belief is not None else None
     return Look(attitude, sensed, is_lit, is_inspected, candidates, target, known, covariance, y, innovation)
 

@@ -122,9 +122,6 @@ FLIGHTS = {
         | {"delay_s": 10.0, "thrust_arm_m": 0.02, "failed_thruster": 2, "failure_s": 95.0},
         safety=LAST,
     ),
-    "clusters near an estimate that is off": flight(
-        guidance=CLUSTERS, navigation=FIXES | {"initial_position_m": 20.0}
-    ),
     "fixes, far beyond the limits": flight(
         start=replace(STARTS[0], position_m=np.array([0.0, 1000.0, 0.0])), attitude=IDEAL, navigation=FIXES
     ),

@@ -114,9 +114,8 @@ def test_c_commands_what_was_commanded_and_for_the_same_reason(shipped):
     assert np.any(answers["leading_rule"] > 0) or np.any(answers["reason"] == REHEARSED)
 
 
-@pytest.mark.parametrize("errors", [{}, {"navigation": {"mode": "fixes", "initial_position_m": 20.0}}])
-def test_clusters_are_those_of_the_flight(errors, tmp_path):
-    clustered = mission(duration_s=1200.0, guidance={"kind": "clusters"}, **errors)
+def test_clusters_are_those_of_the_flight(tmp_path):
+    clustered = mission(duration_s=1200.0, guidance={"kind": "clusters"})
     program = translate(clustered, controller("paper_champion"))
     library = written(program, tmp_path)
     (start,) = random_starts(1, seed=5)
@@ -561,9 +560,12 @@ def test_constants_may_be_changed_in_flight(exported, library):
     assert not np.any(deaf["force_n"])
 
 
-def test_what_has_no_rules_is_refused():
+def test_what_has_no_rules_or_senses_the_truth_is_refused():
     with pytest.raises(NotTranslatableError, match="no rules"):
         translate(SHORT, named("lqr", SHORT))
+    estimated = mission(guidance={"kind": "clusters"}, navigation={"mode": "fixes"})
+    with pytest.raises(NotTranslatableError, match=r"guidance\.kind=centroid"):
+        translate(estimated, controller("paper_champion"))
 
 
 def test_the_translation_reads_the_formula_that_flies(exported, monkeypatch):

@@ -90,7 +90,7 @@ def choose_cluster(
     distances: Floats,
     sums: Floats,
 ) -> None:
-    """Cluster the candidates of a lane; the centre nearest to where the deputy believes to be is its target.
+    """Cluster the candidates of a lane, and make the centre nearest to the deputy its target.
 
     Centres stay unchanged if the candidates are not new. Overwrites the last four arrays, see `Clusters`.
     """
@@ -101,7 +101,7 @@ def choose_cluster(
         state.num_centres[lane] = 0
         state.clustered[lane, 0] = -1.0  # so that the next candidates are new
         return
-    write_row(position, state.belief.position, lane)
+    write_row(position, state.truth.position, lane)
     if are_new(state, candidate_marks, lane) or len(world.points) > 1:
         filled, sample = 0, (now.k if len(world.points) > 1 else 0)
         for j in range(world.num_points):  # without a branch, which processors cannot predict
@@ -115,8 +115,8 @@ def choose_cluster(
 
 
 @compiled(error_model="numpy", forceinline=True)
-def see(now: Moment) -> None:
-    """Note where the Sun stands, how far the deputies are from the chief, and where their cameras look."""
+def see(now: Moment, work: Workspace, optics: FullOptics | None, clusters: bool | None) -> None:
+    """Inspect, and choose the target, of every lane; add up distances."""
     world, lanes, truth, k = now.world, now.state.lanes, now.state.truth, now.k
     sun, height = sun_after(world, load_pair(lanes.sun_at_start), load_pair(lanes.height_at_start), k)
     store_pair(lanes.sun, 0, sun[0], sun[1])
@@ -134,14 +134,9 @@ def see(now: Moment) -> None:
             inside = radius - length(load_three(truth.position, 0) - Three(x, y, z))
             store(lanes.beyond, 0, most(inside, load_row(lanes.beyond)))
     store_three(truth.boresight, 0, to_hill(load_quaternion(truth.attitude), three_of(world.boresight)))
-
-
-@compiled(error_model="numpy", forceinline=True)
-def inspect_all(now: Moment, work: Workspace, optics: FullOptics | None, clusters: bool | None) -> None:
-    """Inspect, and choose the target, of every lane."""
     for lane in range(now.num_lanes):
         inspect(now, optics, lane, work.candidate_marks, work.lit, work.seen)
-        if clusters is not None and now.world.has_clusters:  # by the first the code is left out
+        if clusters is not None and world.has_clusters:  # by the first the code is left out
             choose_cluster(
                 now, lane, work.candidate_marks, work.candidates, work.labels, work.distances, work.sums
             )
