@@ -40,7 +40,7 @@ def test_the_worst_fleets_are_recorded_deputy_by_deputy(assured):
         worse = [row for row in searched if row["requirement"] == name and row["margin"] < margins[case]]
         start = (
             min(worse, key=lambda row: row["margin"])
-            if found
+            if worse
             else {key: column[case] for key, column in table.items()} | {"margin": margins[case]}
         )
         assert worst["margin"] == pytest.approx(start["margin"])
