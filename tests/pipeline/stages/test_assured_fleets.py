@@ -37,14 +37,14 @@ def test_the_worst_fleets_are_recorded_deputy_by_deputy(assured):
     for name, entry in entries.items():
         worst, margins = entry["worst"], table[f"{name}_margin"]
         case = int(np.argmin(margins))
-        found = [row for row in searched if row["requirement"] == name and row["margin"] < margins[case]]
+        worse = [row for row in searched if row["requirement"] == name and row["margin"] < margins[case]]
         start = (
-            min(found, key=lambda row: row["margin"])
-            if found
+            min(worse, key=lambda row: row["margin"])
+            if worse
             else {key: column[case] for key, column in table.items()} | {"margin": margins[case]}
         )
         assert worst["margin"] == pytest.approx(start["margin"])
-        assert ("search, flight" in worst["found_by"]) == bool(found)
+        assert ("search, flight" in worst["found_by"]) == bool(worse)
         assert worst["recordings"] == [
             f"assure/flights/{name}-worst-deputy-{deputy}.mcap" for deputy in (1, 2)
         ]
