@@ -80,7 +80,7 @@ def test_only_the_steps_of_a_period_take_the_whole_workspace():
     }
     steps = {f"steps.py:{name}" for name in ("look", "decide", "act", "move_on")}
     assert whole == steps | {
-        "look/sight.py:inspect_all",
+        "look/sight.py:see",
         "decide/exchange.py:share_out",
         "decide/exchange.py:choose_lane_target",
     }, "name the working arrays that a function reads and writes"
