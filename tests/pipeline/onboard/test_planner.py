@@ -21,7 +21,6 @@ from pipeline.flight.fly.replanning import AGAIN_ON_BOARD, FIRST, first_searches
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.log import REHEARSED
 from pipeline.flight.world.pack import pack_world
-from pipeline.onboard.allowed import NotTranslatableError
 from pipeline.onboard.export import export, joined
 from pipeline.onboard.messages import FIELD_BITS, MODES, START_BITS
 from pipeline.onboard.program import translate
