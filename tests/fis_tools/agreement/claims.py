@@ -19,7 +19,14 @@ from fis_tools.findings.difference import comparison
 from fis_tools.findings.explanation import flips
 from fis_tools.model import FuzzySystem, Rule
 from fis_tools.model.intervals import has_intervals
-from tests.fis_tools.agreement.nearness import Difference, is_near, neighbours, sizes
+from tests.fis_tools.agreement.nearness import (
+    TOLERANCE,
+    Difference,
+    is_near,
+    neighbours,
+    sizes,
+    strengths_around,
+)
 
 #: What finds where a claim is not what the definition says.
 Check = Callable[[str, FuzzySystem, Floats, list[Inference]], Iterator[Difference]]
@@ -109,26 +116,38 @@ def shares(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]
     """The share of each rule is Shapley's sum over all coalitions, each inferred by the definition."""
     if has_intervals(system):
         return
-    given = shapley.shares(compile(system), rows)
+    shared = shapley.shares(compile(system), rows)
     left = {False: NUM_SMALL, True: NUM_LARGE}
     for index, output in enumerate(system.outputs):
-        for row, step, values, error in zip(rows, steps, given.values, given.error, strict=True):
+        for row, step, values, error in zip(rows, steps, shared.values, shared.error, strict=True):
             players = _players(system, step, index)
             is_large = len(players) > FEW_PLAYERS
             most = MOST_AVERAGED if system.weighs(output) else MOST_CUTTING
             if not 2 <= len(players) <= most or error[index] or not left[is_large]:
                 continue
             factors = FACTORS[:1] if system.weighs(output) else FACTORS
-            expected = np.array([_shapley(system, step, index, players, factor) for factor in factors])
+            held = [step.firing_strengths * factor for factor in factors]
+            expected = np.array([_shapley(step, index, players, firing) for firing in held])
             if not np.isfinite(expected).all():
                 continue
             left[is_large] -= 1
             scale = max(output.span, np.abs(expected).max())
             slack = SHARES_TOLERANCE * scale + 3.0 * np.ptp(expected, axis=0)
-            if (np.abs(values[players, index] - expected[0]) > slack).any():
-                yield Difference(claim, system, row, str(expected[0]), str(values[players, index]))
-    exact = ~given.error.any(axis=1)  # of other rows fewer orders are drawn for a mean
-    yield from _mean_sizes(claim, system, rows[exact], given.values[exact], shapley.importance)
+            given = values[players, index]
+            if (np.abs(given - expected[0]) > slack).any() and not _is_around(
+                given, slack, (_shapley(step, index, players, firing) for firing in strengths_around(step))
+            ):
+                yield Difference(claim, system, row, str(expected[0]), str(given))
+    exact = ~shared.error.any(axis=1)  # of other rows fewer orders are drawn for a mean
+    yield from _mean_sizes(claim, system, rows[exact], shared.values[exact], shapley.importance)
+
+
+def _is_around(values: Floats, slack: Floats, around: Iterator[Floats]) -> bool:
+    """Whether values lie between those of neighbours, which jump where rounding decides."""
+    near = np.array([*around])
+    near[~np.isfinite(near)] = np.nan
+    low, high = np.nanmin(near, axis=0) - slack, np.nanmax(near, axis=0) + slack
+    return bool(((low <= values) & (values <= high) | np.isnan(low)).all())
 
 
 def contributions(
@@ -142,11 +161,14 @@ def contributions(
         firing = step.firing_strengths
         if ((firing > 0.0) & (firing < LEAST_FIRING)).any():
             continue  # rounding decides whether such a rule fires at all
-        expected = np.array([_without_each(step, factor) for factor in FACTORS])
+        expected = np.array([_without_each(step, firing * factor) for factor in FACTORS])
         spans = np.array([variable.span for variable in system.outputs])
         slack = SHARES_TOLERANCE * np.maximum(spans, np.abs(expected[0])) + 3.0 * np.ptp(expected, axis=0)
+        slack += TOLERANCE * sizes(system, step.values)  # differences of these lose their last digits
         is_known = np.isfinite(expected).all(axis=0)
-        if (is_known & ~(np.abs(values - expected[0]) <= slack)).any():
+        if (is_known & ~(np.abs(values - expected[0]) <= slack)).any() and not _is_around(
+            values, slack, (_without_each(step, near) for near in strengths_around(step))
+        ):
             yield Difference(claim, system, row, str(expected[0].tolist()), str(values.tolist()))
     yield from _mean_sizes(claim, system, rows, given, contribution.importance)
 
@@ -167,9 +189,9 @@ def _mean_sizes(
         yield Difference(claim, system, rows[0], str(expected.tolist()), str(given.tolist()))
 
 
-def _without_each(step: Inference, factor: float) -> Floats:
-    """What each rule adds to each output, (num_rules, num_outputs), at strengths times a factor."""
-    firing = np.minimum(step.firing_strengths * factor, 1.0)
+def _without_each(step: Inference, firing: Floats) -> Floats:
+    """What each rule adds to each output, (num_rules, num_outputs), at strengths; above one they are one."""
+    firing = np.minimum(firing, 1.0)
 
     def outputs(strengths: Floats) -> Floats:
         return np.array([each.value for each in infer_outputs(step.system, strengths, step.clipped)])
@@ -190,11 +212,12 @@ def _players(system: FuzzySystem, step: Inference, index: int) -> list[int]:
     return [rule for rule in concluding if firing[rule] > 0.0 and firing[rule] >= least]
 
 
-def _shapley(system: FuzzySystem, step: Inference, index: int, players: list[int], factor: float) -> Floats:
-    """Shapley's sums, (num_players,), at strengths times a factor; NaN without numbers."""
+def _shapley(step: Inference, index: int, players: list[int], firing: Floats) -> Floats:
+    """Shapley's sums, (num_players,), at strengths, of which none is above one; NaN without numbers."""
+    system = step.system
     output, count = system.outputs[index], len(players)
     silent = 0.0 if output.default is None else output.default
-    firing = np.minimum(step.firing_strengths * factor, 1.0)
+    firing = np.minimum(firing, 1.0)
     worth = np.empty(2**count)
     for coalition in range(2**count):
         absent = {rule for at, rule in enumerate(players) if not coalition >> at & 1}
@@ -231,9 +254,11 @@ def weakest(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference
     if has_intervals(system):
         return
     result = completeness(system)
-    strength = float(infer(system, result.at).firing_strengths.max())
-    if abs(strength - result.least) > LEAST_FIRING:
-        yield Difference(claim, system, result.at, str(strength), str(result.least))
+    inferred = infer(system, result.at)
+    around = [inferred.firing_strengths, *strengths_around(inferred)]
+    strengths = [float(firing.max()) for firing in around]
+    if not min(strengths) - LEAST_FIRING <= result.least <= max(strengths) + LEAST_FIRING:
+        yield Difference(claim, system, result.at, str(strengths[0]), str(result.least))
     low, high = np.array([[variable.minimum, variable.maximum] for variable in system.inputs]).T
     for row, step in zip(rows, steps, strict=True):
         is_inside = bool((row >= low).all() and (row <= high).all())

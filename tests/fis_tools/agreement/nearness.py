@@ -76,9 +76,19 @@ def is_near(system: FuzzySystem, given: Floats, inferred: Inference) -> bool:
 
 
 def _is_nothing(inferred: Inference, index: int) -> bool:
-    """Whether so little of a set is left that scikit-fuzzy's own rounding places its crossings."""
-    heights = inferred.outputs[index].aggregated
-    return inferred.system.semantics == "scikit-fuzzy" and len(heights) > 0 and heights.max() < FAINTEST
+    """Whether so little of a set is left that rounding decides what it is.
+
+    scikit-fuzzy's own rounding places its crossings; elsewhere the heights of rules that fire next to nothing
+    may vanish one by one, and not their sum.
+    """
+    output = inferred.outputs[index]
+    height = output.aggregated.max(initial=0.0)
+    if inferred.system.semantics == "scikit-fuzzy":
+        return len(output.aggregated) > 0 and height < FAINTEST
+    rules = zip(inferred.system.rules, inferred.firing_strengths, strict=True)
+    name = output.variable.name
+    concluding = [firing for rule, firing in rules if any(each.variable == name for each in rule.consequents)]
+    return 0.0 < max(concluding, default=0.0) < FAINTEST and height < np.finfo(np.float64).tiny
 
 
 def is_equal(system: FuzzySystem, given: Floats, expected: Floats) -> bool:
@@ -87,19 +97,24 @@ def is_equal(system: FuzzySystem, given: Floats, expected: Floats) -> bool:
     return bool((near | (~np.isfinite(given) & ~np.isfinite(expected))).all())
 
 
-def neighbours(inferred: Inference) -> Iterator[Floats]:
-    """The definition's outputs for memberships and strengths that differ in their last digits."""
+def strengths_around(inferred: Inference) -> Iterator[Floats]:
+    """The strengths of rules for memberships, and strengths, that differ in their last digits."""
     system, degrees = inferred.system, inferred.memberships
     if has_intervals(system):
         system = twin(system)
         degrees = tuple(map(inference._evaluate_formulas, system.inputs, inferred.clipped))
     generator = np.random.default_rng(7)
-    for number in range(NEIGHBOURS):
+    for _ in range(NEIGHBOURS):
         memberships = [
             _shaken(generator, held, variable, is_sampled=system.semantics == "scikit-fuzzy")
             for variable, held in zip(system.inputs, degrees, strict=True)
         ]
-        firing = _shaken(generator, inference._fire(system, memberships))
+        yield _shaken(generator, inference._fire(system, memberships))
+
+
+def neighbours(inferred: Inference) -> Iterator[Floats]:
+    """The definition's outputs for memberships and strengths that differ in their last digits."""
+    for number, firing in enumerate(strengths_around(inferred)):
         with patch.object(defuzzification, "TIE", TIES[number % len(TIES)]):
             outputs = inference.infer_outputs(inferred.system, firing, inferred.clipped)
         yield np.array([output.value for output in outputs])
