@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache as cached
-from functools import update_wrapper
+from functools import partial, update_wrapper
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar, cast, overload
@@ -83,6 +83,11 @@ class Compiled:
         from numba import typeof  # noqa: PLC0415 - takes a while, and most commands compile nothing
 
         return cast(Callable[..., Any], self.dispatcher.compile(tuple(map(typeof, args))))
+
+    def bound(self, *args: Any) -> Callable[[], Any]:
+        """Return what calls the compiled code with these arguments, whose arrays may get other contents."""
+        code = self.prepared(*args)
+        return code.again if isinstance(code, load.Call) else partial(code, *args)
 
     def __getattr__(self, name: str) -> Any:
         # Only names that are not yet set get here. One is `_numba_type_`, by which numba asks a global

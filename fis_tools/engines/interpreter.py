@@ -130,10 +130,10 @@ def _prepared(program: Program, row: Floats, outputs: Floats) -> Callable[[], No
     return run
 
 
-def _direct(step: partial[None]) -> partial[None]:
-    """Bind a compiled function to its arguments' types, so that calls skip numba's lookup of them."""
-    prepared = getattr(step.func, "prepared", None)
-    return step if prepared is None else partial(prepared(*step.args), *step.args)
+def _direct(step: partial[None]) -> Callable[[], None]:
+    """Bind a compiled function to its arguments, so that calls look at none of them."""
+    bound: Callable[..., Callable[[], None]] | None = getattr(step.func, "bound", None)
+    return step if bound is None else bound(*step.args)
 
 
 def _concluding(program: Program, firing: Floats, inputs: Floats, columns: Floats) -> Iterator[partial[None]]:

@@ -110,6 +110,13 @@ class Call:
             if given is not held:
                 block = self._block = Block(arguments, block.parts)
                 break
+        return self._run(block)
+
+    def again(self) -> Any:
+        """Call it with the same arguments, whose arrays may hold something else by now."""
+        return self._run(self._block)
+
+    def _run(self, block: Block) -> Any:
         room = ctypes.create_string_buffer(MOST_RESULT_BYTES) if self._result else None
         status = self._code(block.address, 0 if room is None else ctypes.addressof(room))
         if status not in (0, -2):  # numba's codes: done, and done without a result

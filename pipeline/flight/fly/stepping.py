@@ -214,7 +214,7 @@ class SteppedFlights:
             self._forces,
             self.observed,
         )
-        self._step = self.stepper.prepared(*self._arguments)
+        self._step = self.stepper.bound(*self._arguments)
 
     def _plans(self, num_controls: int) -> Plans:
         """Return what is played beside the forces that are given: nothing."""
@@ -273,12 +273,12 @@ class SteppedFlights:
         """
         self._forces[:] = forces
         check_given(self._forces)
-        self._step(*self._arguments)
+        self._step()
 
     def step_started(self) -> None:
         """Bring the flights that were put at a start to their first sample; the others rest."""
         with self.resting(self.samples != NOT_STARTED):
-            self._step(*self._arguments)
+            self._step()
 
     @contextmanager
     def resting(self, which: Booleans) -> Iterator[None]:
