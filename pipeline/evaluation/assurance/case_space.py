@@ -71,7 +71,8 @@ class CaseSpace:
     @property
     def is_periodic(self) -> NDArray[np.bool_]:
         """Whether a gene's ends are neighbours, (num_genes,)."""
-        return np.array([name in self._angles for name in self.genes], dtype=np.bool_)
+        angles = self._angles
+        return np.array([name in angles for name in self.genes], dtype=np.bool_)
 
     @property
     def _angles(self) -> frozenset[str]:
@@ -121,10 +122,7 @@ class CaseSpace:
         )
         sun = float(angle), float(np.radians(elevation_deg))
         first, *others = (
-            Scenario(
-                *self._start({name: values.get(of_deputy(name, number), 0.0) for name in self._of_start}),
-                *sun,
-            )
+            Scenario(*self._start({name: values[of_deputy(name, number)] for name in self._of_start}), *sun)
             for number in range(1, self.deputies + 1)
         )
         return numbered(replace(first, settings=settings or None, others=tuple(others)), first.noise)
