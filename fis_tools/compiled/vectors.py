@@ -225,7 +225,8 @@ def borrowed(value: Any) -> Any:
     numba counts references by atomic operations, even where a function merely reads an element of an array in
     a tuple. It also passes a tuple number by number, which dominates compilation where there
     are hundreds; a borrowed named tuple is passed as one pointer. The caller must hold what
-    is borrowed for the duration of the call.
+    is borrowed for the duration of the call: only parameters may be borrowed, since numba frees what a
+    function allocates after its last use by name.
     """
     return value
 

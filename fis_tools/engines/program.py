@@ -9,6 +9,7 @@ import numpy as np
 
 from fis_tools import model
 from fis_tools.array_types import Floats, Integers
+from fis_tools.compiled.vectors import ROW
 from fis_tools.engines.codes import (
     DEFUZZIFIERS,
     FORMULA,
@@ -37,7 +38,8 @@ class Antecedents(NamedTuple):
     universes : (u,) float
         The points of each input.
     memberships : (m,) float
-        For each point of each input the memberships of all its terms, then their slopes to the next point.
+        For each point of each input the memberships of all its terms, then their slopes to the next point;
+        at the end as many zeros as `gather_rows` may read beyond.
     steps : (num_steps, 3) int
         Operator, left slot, right slot. Slots are numbered consecutively: first the memberships
         of all inputs, then the result of each step.
@@ -294,7 +296,7 @@ def _antecedents(system: model.FuzzySystem) -> Antecedents:
     return Antecedents(
         inputs=np.array(table, dtype=np.int64).T.copy(),
         universes=np.concatenate([variable.universe for variable in system.inputs]),
-        memberships=np.concatenate(rows),
+        memberships=np.concatenate([*rows, np.zeros(ROW)]),
         steps=np.array(steps, dtype=np.int64).reshape(-1, 3),
         rule_slots=np.array(rule_slots, dtype=np.int64),
         limits=np.array([system.limits_of(variable) for variable in system.inputs]),

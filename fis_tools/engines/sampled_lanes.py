@@ -12,27 +12,24 @@ import numpy as np
 
 from fis_tools.array_types import Floats, Integers
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.vectors import Vector, borrowed, least, load, most, select, some, splat, spread, store
+from fis_tools.compiled.vectors import (
+    Vector,
+    aligned,
+    borrowed,
+    least,
+    load,
+    most,
+    select,
+    some,
+    splat,
+    spread,
+    store,
+)
 from fis_tools.engines import codes
 from fis_tools.engines.lanes import LANES
 from fis_tools.engines.packing import PIECE
 from fis_tools.engines.program import Summation
 from fis_tools.engines.sampling import FAINT, aggregate, defuzzify
-
-
-@compiled(error_model="numpy", nogil=True)
-def conclude_sampled(summation: Summation, firing: Floats, out: Floats) -> None:
-    """Compute one output, (n,), from firing strengths (n, num_rules)."""
-    num_rules = firing.shape[1]
-    held, room = borrowed((summation, (np.empty(num_rules * LANES), np.arange(num_rules))))
-    strengths, slots = room
-    memory = make_room(held, num_rules)
-    for first in range(0, len(firing), LANES):
-        for lane in range(LANES):
-            sample = min(first + lane, len(firing) - 1)
-            for rule in range(num_rules):
-                strengths[rule * LANES + lane] = firing[sample, rule]
-        conclude_lanes(held, strengths, slots, borrowed(memory), out[first : first + LANES])
 
 
 class Room(NamedTuple):
@@ -56,12 +53,28 @@ class Room(NamedTuple):
     heights_of_one: Floats
 
 
-@compiled(error_model="numpy")
 def make_room(summation: Summation, num_rules: int) -> Room:
     """Return what `conclude_lanes` works in."""
-    points, terms = len(summation.universe), len(summation.memberships)
-    lanes = np.empty(terms * LANES), np.empty(points * LANES), np.empty(LANES)
-    return Room(lanes[0], lanes[1], lanes[2], np.empty(num_rules), np.empty(terms), np.empty(points))
+    terms, points = summation.memberships.shape
+    lanes = aligned(terms * LANES), aligned(points * LANES), aligned(LANES)
+    return Room(*lanes, np.empty(num_rules), np.empty(terms), np.empty(points))
+
+
+@compiled(error_model="numpy", nogil=True)
+def conclude_sampled(
+    summation: Summation, firing: Floats, degrees: Floats, slots: Integers, room: Room, out: Floats
+) -> None:
+    """Compute one output, (n,), from firing strengths (n, num_rules).
+
+    `degrees`, (num_rules * LANES,), are filled, and `slots` are the numbers of the rules.
+    """
+    summed, degrees, slots, room = borrowed((summation, degrees, slots, room))
+    for first in range(0, len(firing), LANES):
+        for lane in range(LANES):
+            sample = min(first + lane, len(firing) - 1)
+            for rule in range(len(slots)):
+                degrees[rule * LANES + lane] = firing[sample, rule]
+        conclude_lanes(summed, degrees, slots, room, out[first : first + LANES])
 
 
 @compiled(error_model="numpy")
