@@ -193,6 +193,49 @@ def test_success_counts_first_then_exits_then_fuel():
     assert scores == sorted(scores, reverse=True)
 
 
+def at_work(last: FlightTally | None):
+    """A fit in which nothing competes, and whose last result flies like a tally."""
+    fitting_now = object.__new__(fit._Fit)
+    fitting_now._experiment, fitting_now._drawn, fitting_now._near = composed().experiment, [], []
+    fitting_now._bases, fitting_now._last = {"base": None}, last and flying_like(last)
+    return fitting_now
+
+
+def flying_like(flown: FlightTally) -> fit.FitResult:
+    return fit.FitResult("", None, None, flown, is_shipped=False)
+
+
+@pytest.mark.parametrize(
+    ("last", "rules", "is_settled"),
+    [(None, 0.5, False), (1.0, 1.0, True), (0.6, 0.5, True), (0.5, 0.5, False), (0.5, 0.6, False)],
+)
+def test_a_fit_is_settled_at_the_goal_or_clearly_above_rules(last, rules, is_settled):
+    assert at_work(last and tally(last))._is_settled(tally(rules)) == is_settled
+
+
+@pytest.mark.parametrize(
+    ("last", "layered", "kept"), [(None, 0.2, 0.2), (0.5, 0.6, 0.6), (0.5, 0.5, 0.5), (0.6, 0.5, 0.6)]
+)
+def test_the_layer_is_kept_where_more_flights_succeed_with_it(monkeypatch, last, layered, kept):
+    with_layer, state = flying_like(tally(layered)), at_work(last and tally(last))
+    before = state._last
+    monkeypatch.setattr(fit, "_best_with_layer", lambda *_: Variant("base", 1.0, 1.0))
+    monkeypatch.setattr(fit._Fit, "_stand", lambda *_: with_layer)
+    state._try_layer(tally(0.1, exits=0.9))
+    assert state._last.tally.success.fraction == kept
+    assert state._last is (with_layer if before is None or layered > last else before)
+
+
+def test_the_layer_is_tried_where_most_that_fail_leave_the_limits(monkeypatch):
+    tried = []
+    monkeypatch.setattr(fit, "_best_with_layer", lambda *_: Variant("base", 1.0, 1.0))
+    monkeypatch.setattr(fit._Fit, "_stand", lambda *_: tried.append(True) or flying_like(tally(0.5)))
+    for exits, is_tried in ((0.0, False), (0.45, False), (0.5, True)):
+        tried.clear()
+        at_work(None)._try_layer(tally(0.1, exits=exits))
+        assert bool(tried) == is_tried
+
+
 def test_tallies_join_as_if_their_flights_were_one_set():
     experiment, base = composed().experiment, serialize.load(SHIPPED)
     starts = fitting.rung_scenarios(experiment, 2)
