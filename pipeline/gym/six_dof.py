@@ -73,8 +73,7 @@ AFRL_SIX_DOF_FLEET: Final = replace(AFRL_SIX_DOF, per_delta_v=0.001, faces_by_an
 
 
 @compiled
-def slopes(
-    _time: float,
+def write_slope(
     state: Floats,
     push: Floats,
     torque: Floats,
@@ -82,8 +81,9 @@ def slopes(
     inverse_inertia: Floats,
     most_rate: float,
     mean_motion: float,
-) -> Floats:
-    """Return the time derivative of a state, shape (13,), as `POSITION` and the others divide it.
+    slope: Floats,
+) -> None:
+    """Write the time derivative of a state, shape (13,), as `POSITION` and the others divide it.
 
     The push is an acceleration by thrust, m/s^2, the torque in N m, inertia and its inverse in kg m^2, all in
     body axes. No component of the inertial rate grows beyond the greatest, rad/s. The system's part is
@@ -99,7 +99,6 @@ def slopes(
     relative = rate - times(dcm, hill_rate) - surplus * hill_rate
     change = euler(inertia, inverse_inertia, rate, three_of(torque))
     thrust = times(dcm.T, three_of(push))
-    slope = np.empty(13)
     slope[0:3] = state[3:6]
     slope[3] = 3.0 * mean_motion * mean_motion * x + 2.0 * mean_motion * v
     slope[4] = -2.0 * mean_motion * u
@@ -115,7 +114,6 @@ def slopes(
             slope[10 + i] = max(change[i], 0.0)
         else:
             slope[10 + i] = change[i]
-    return slope
 
 
 class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
@@ -221,9 +219,14 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         force, torque = shares[:3] * deputy.max_force_n, shares[3:] * deputy.max_torque_n_m
         push, hill_rate = force / deputy.mass_kg, mission.orbit.mean_motion_rad_s
         settings = push, torque, self._inertia, np.linalg.inv(self._inertia), self._max_rate, hill_rate
-        rates: Any = slopes  # SciPy's stubs ask for the number of dimensions
+
+        def slope_of(_time: float, state: Any) -> Any:  # SciPy's stubs ask for the number of dimensions
+            slope = np.empty(13)
+            write_slope(state, *settings, slope)
+            return slope
+
         # RK45 with its tolerances, as AFRL's
-        flown = solve_ivp(rates, (0.0, mission.control_period_s), self._state, args=settings)
+        flown = solve_ivp(slope_of, (0.0, mission.control_period_s), self._state)
         self._state = flown.y[:, -1]
         self._state[RATE] = np.clip(self._state[RATE], -self._max_rate, self._max_rate)
         self.num_flown += 1
@@ -282,7 +285,8 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
     @property
     def _camera(self) -> Floats:
         """The direction in which the camera looks, Hill axes."""
-        return np.asarray(dcm_b_from_h(normalised(self._state[ATTITUDE]))[0])
+        with plainly("pipeline"):
+            return np.asarray(dcm_b_from_h(normalised(self._state[ATTITUDE]))[0])
 
     def _look(self) -> None:
         """Inspect what is lit and in view, in the chief's axes, by the formulas of every flight."""

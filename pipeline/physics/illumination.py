@@ -17,7 +17,6 @@ def sun_angle(initial_sun_angle: float, mean_motion: float, time: float) -> floa
     return initial_sun_angle - mean_motion * time
 
 
-@compiled
 def sun_direction_h(angle: float, elevation: float = 0.0) -> Floats:
     """Return the unit vector towards the Sun, shape (3,), Hill axes.
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.decorator import compiled, plain
 from fis_tools.compiled.vectors import least, load, most, some, store
 from pipeline.array_types import Floats, Integers
 from pipeline.flight.fly.foresight import Outlook, lead, num_periods, sample_of, samples_coarsely
@@ -144,7 +144,7 @@ def pricing_of(outlook: Outlook, num_pushes: int, reach: float) -> tuple[Pricing
     num_samples, num_points = outlook.is_lit.shape
     pricing = Pricing(
         effects=np.ascontiguousarray(outlook.gain.transpose(2, 0, 1)).reshape(3, -1),
-        samples=samples_coarsely(num_samples),
+        samples=plain(samples_coarsely)(num_samples),
         is_weak=reach > outlook.most_force,
         points=np.zeros(num_points, dtype=np.int64),
         seen_at=np.zeros(num_points, dtype=np.int64),

@@ -90,14 +90,19 @@ class PublishedView:
         parts += [self._nearest_cluster(k, state[:3], sun_angle_rad - gone, is_inspected)]
         if self._is_weighted:
             weights = priority_weights(self._surface.points, priority)
-            parts += [priority @ dcm_b_from_h(self._turned[k]), [weights[is_inspected].sum()]]
+            parts += [priority @ self._axes(k), [weights[is_inspected].sum()]]
         return np.concatenate(parts)
+
+    def _axes(self, k: int) -> Floats:
+        """Return the matrix from Hill axes to the chief's at a sample, (3, 3)."""
+        with plainly("pipeline"):
+            return np.asarray(dcm_b_from_h(self._turned[k]))
 
     def _nearest_cluster(self, k: int, position: Floats, sun: float, is_inspected: Booleans) -> Floats:
         """Return the direction of the cluster that is nearest to the deputy; zero where there is none."""
-        axes, surface = dcm_b_from_h(self._turned[k]), self._surface
-        along_sun = surface.normals @ axes @ np.asarray(sun_direction_h(sun)) + self._optics.past_terminator
+        axes, surface = self._axes(k), self._surface
         with plainly("pipeline"):
+            along_sun = surface.normals @ axes @ sun_direction_h(sun) + self._optics.past_terminator
             is_lit = np.asarray(is_sunlit(along_sun, np.sum(surface.normals * surface.points, axis=1)))
         points = self._points[is_lit & ~is_inspected] @ axes
         if not len(points):

@@ -46,12 +46,13 @@ class SixDofView:
 
     def axes(self, k: int) -> Floats:
         """Return the matrix from Hill axes to the chief's at a sample, (3, 3)."""
-        return np.asarray(dcm_b_from_h(self._turned[k]))
+        with plainly("pipeline"):
+            return np.asarray(dcm_b_from_h(self._turned[k]))
 
     def sun(self, k: int, angle_rad: float) -> Floats:
         """Return the unit vector towards the Sun at a sample, (3,), Hill axes; the angle is the start's."""
         time, rate = k * self._mission.control_period_s, self._mission.orbit.mean_motion_rad_s
-        return np.asarray(sun_direction_h(sun_angle(angle_rad, rate, time)))
+        return sun_direction_h(sun_angle(angle_rad, rate, time))
 
     def is_lit(self, k: int, angle_rad: float) -> Booleans:
         """Return which points the Sun lights at a sample, (P,)."""

@@ -391,9 +391,9 @@ def test_flights_end_at_a_width_whatever_the_parts(tmp_path, monkeypatch, ran):
     words += ["assurance.requirements=watched.yaml", "assurance.num_cases=4000"]
     shown = {}
     ways = {"wide": (0.1,), "cut": (None, "engine.part_cases=300"), "narrow": (0.07,)}
-    for name, (asked, *parts) in ways.items():
+    for name, (given, *parts) in ways.items():
         # the width at which the first flights ended, and a hair: those of any other confidence go on
-        at_most = shown["wide"]["high"] - shown["wide"]["low"] + 1e-12 if asked is None else asked
+        at_most = shown["wide"]["high"] - shown["wide"]["low"] + 1e-12 if given is None else given
         folder, width = tmp_path / name / "run", f"assurance.stop_width={at_most!r}"
         printed = ran(*words, width, *parts, f"hydra.run.dir={folder}").err
         (entry,) = artifacts.read_json(folder, artifacts.EVIDENCE)["requirements"]

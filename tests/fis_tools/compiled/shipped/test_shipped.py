@@ -395,9 +395,8 @@ def test_a_first_evaluation_compiles_nothing_and_flies_what_is_compiled(tmp_path
 
 #: one call of each kind of flight, by the champions
 RUNS = night.by_day([*enumerate(objects.commands())], 8)
-#: what numba compiles all the same: it returns an array, or calls LAPACK
-NOT_SHIPPED = {"sun_direction_h", "tabulate", "state_transition", "motion_over"}
-NOT_SHIPPED |= {"slopes", "dcm_b_from_h", "normalised"}  # of six degrees of freedom
+#: what numba compiles all the same: it calls LAPACK
+NOT_SHIPPED = {"tabulate"}
 FLOWN = """
 from benchmarks import objects
 from pipeline.__main__ import main
