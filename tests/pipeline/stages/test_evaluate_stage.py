@@ -196,24 +196,32 @@ def test_parts_that_are_flown_no_more_name_their_makers(tmp_path, monkeypatch):
 WHOLE = ("monte_carlo.num_cases=2500", "duration_s=100.0", "engine.part_cases=900")
 
 
-@pytest.mark.parametrize("part_cases", [300, 5000])
-def test_flights_end_where_the_interval_is_as_narrow_as_asked_in_any_cut(tmp_path, capsys, part_cases):
-    words = (*WHOLE, "monte_carlo.stop_quantity=delta_v_m_s", "monte_carlo.stop_width=0.004", *SUN)
+@pytest.mark.parametrize(("part_cases", "width"), [(300, 0.03), (5000, 0.03), (900, 0.004)])
+def test_flights_end_where_the_interval_is_as_narrow_as_asked_in_any_cut(tmp_path, capsys, part_cases, width):
+    words = (*WHOLE, "monte_carlo.stop_quantity=delta_v_m_s", f"monte_carlo.stop_width={width}", *SUN)
     run = prepared(tmp_path, *words, f"engine.part_cases={part_cases}", experiment="evaluate")
     evaluate.run(run.experiment, tmp_path)
     summary = artifacts.read_json(tmp_path, artifacts.SUMMARY)
     delta_v = tables.read_parquet(tmp_path, artifacts.EPISODES)["delta_v_m_s"]
-    assert summary["stop"] == {"quantity": "delta_v_m_s", "width": 0.004, "most_cases": 2500}
+    assert summary["stop"] == {"quantity": "delta_v_m_s", "width": width, "most_cases": 2500}
     assert summary["num_cases"] == len(delta_v)
     widths = {
         number: 2.0 * quantile(number, 90.0) * delta_v[:number].std(ddof=1) / number**0.5
         for number in range(1000, len(delta_v) + 1, 1000)
     }
-    assert summary["num_cases"] == next((number for number in widths if widths[number] <= 0.004), 2500)
+    assert summary["num_cases"] == next((number for number in widths if widths[number] <= width), 2500)
+    assert (summary["num_cases"] < 2500) == (width == 0.03)
     mean = summary["delta_v_m_s"]
     reach = quantile(len(delta_v), 90.0) * mean["standard_deviation"] / len(delta_v) ** 0.5
     assert mean["high"] - mean["mean"] == pytest.approx(reach)
     assert "all intervals hold for any number of flights" in capsys.readouterr().err
+
+
+def test_parts_beyond_a_look_go_on_where_no_width_is_given(tmp_path):
+    run = prepared(tmp_path, *WHOLE, *SUN, experiment="evaluate")
+    evaluate.run(run.experiment, tmp_path)
+    summary = artifacts.read_json(tmp_path, artifacts.SUMMARY)
+    assert (summary["num_cases"], summary.get("stop")) == (2500, None)
 
 
 def test_splitting_tells_the_share_outside_the_limits_with_its_interval(tmp_path, capsys):
