@@ -2,6 +2,7 @@
 
 import dataclasses
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -60,6 +61,25 @@ def test_approach_leave_and_return():
     # no warning is repeated at the edge of nearness
     assert sentences([196.0, 194.0] * 5 + [196.0]) == [(0, "warning")]
     assert sentences([75.0, 196.0, 75.0, 197.0, *[75.0] * 7]) == [(1, "warning"), (3, "warning")]
+
+
+@pytest.mark.parametrize(("distance", "limit"), [(54.0, "least"), (56.0, "greatest")])
+def test_the_nearer_of_two_limits_is_named(distance, limit):
+    narrow = dataclasses.replace(MISSION.deputy, min_distance_m=50.0, max_distance_m=60.0)
+    mission = dataclasses.replace(MISSION, deputy=narrow)
+    first, *_ = events(mission, flight([distance] * 11, [0] * 11), 5.0)
+    assert f"4.0 m from the {limit} distance allowed" in first.text
+
+
+@pytest.mark.parametrize(("steps", "is_refused"), [(500, False), (556, True)])
+def test_an_hour_of_more_periods_than_are_flown_again_is_refused(steps, is_refused):
+    asked_of = SimpleNamespace(mission=SimpleNamespace(num_controls=360, num_attitude_steps=steps))
+    recording = SimpleNamespace(path=Path("a.mcap"), topics={})
+    if is_refused:
+        with pytest.raises(RecordingError, match="asks for 200,160 periods of attitude"):
+            reflight._check_length(recording, asked_of)
+    else:
+        reflight._check_length(recording, asked_of)
 
 
 def test_a_flight_that_starts_outside_says_so_and_violates_nothing():
