@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
+from types import MappingProxyType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -165,3 +165,15 @@ def test_names_are_short_and_differ(paths, names):
 )
 def test_signs_without_a_glyph_become_boxes(text, drawn):
     assert drawable(text) == drawn
+
+
+def test_the_words_of_a_rule_say_whether_it_holds_back():
+    description = SimpleNamespace(holding=(2,), output_unit="N", rules=("push", "coast", "pull"))
+    strengths, shares = np.array([0.25, 0.5, 1.0]), np.array([0.125, -0.25, 0.0])
+    words = [drawing._rule_words(description, rule, strengths, shares) for rule in range(3)]
+    assert words == [
+        "`+0.1250 N` rule 1 (0.25): push",
+        "`-0.2500 N` holds back, rule 2 (0.50): coast",
+        "`+0.0000 N` rule 3 (1.00): pull",
+    ]
+    assert drawing._rule_words(description, 1, strengths, np.zeros(3)) == "holds back, rule 2 (0.50): coast"
