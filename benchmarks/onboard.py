@@ -105,17 +105,18 @@ def functions(words: Sequence[str]) -> set[str]:
 
 
 def proved(folder: Path) -> tuple[int, float]:
-    """Return EVA's number of alarms, and the percentage of statements that it reached."""
+    """Return EVA's number of alarms, and the percentage of statements reached, of all its analyses."""
     script: list[str | Path] = ["/bin/sh", folder / "evidence" / "prove.sh"]
     done = subprocess.run(script, capture_output=True, text=True, check=False)  # noqa: S603
-    alarms = re.search(r"(\d+) alarms? generated", done.stdout)
-    reached = re.search(r"(\d+) statements reached \(out of (\d+)\)", done.stdout)
-    if alarms is None or reached is None:
+    alarms = [int(number) for number in re.findall(r"(\d+) alarms? generated", done.stdout)]
+    reached = re.findall(r"(\d+) statements? reached \(out of (\d+)\)", done.stdout)
+    if not alarms or len(alarms) != len(reached):
         raise RuntimeError(f"the analysis ended early: {done.stdout[-1000:]}")
-    unproved = int(alarms[1]) + len(re.findall(r"got status (?:unknown|invalid)", done.stdout))
+    unproved = sum(alarms) + len(re.findall(r"got status (?:unknown|invalid)", done.stdout))
     if (done.returncode == 0) != (unproved == 0):
         raise RuntimeError(f"prove.sh exits with {done.returncode} where {unproved} are left")
-    return unproved, 100.0 * int(reached[1]) / int(reached[2])
+    statements, all_statements = (sum(map(int, numbers)) for numbers in zip(*reached, strict=True))
+    return unproved, 100.0 * statements / all_statements
 
 
 def program_of(words: Sequence[str]) -> tuple[OnboardProgram, list[Scenario]]:

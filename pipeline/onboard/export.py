@@ -19,6 +19,7 @@ from pipeline.onboard.evidence import (
     vector_source,
 )
 from pipeline.onboard.fmi import block_facts
+from pipeline.onboard.parts import parts_of
 from pipeline.onboard.prefix import USUAL, renamed
 from pipeline.onboard.program import OnboardProgram
 from pipeline.onboard.recorded import Library, Recorded, differing, recorded
@@ -39,6 +40,8 @@ EVIDENCE = (
     *("any_input.c", "main.c", "vector.h", "check.sh", "prove.sh"),
     *("emulate.sh", "cortex/board.c", "cortex/board.h", "cortex/board.ld", "cortex/sums.c"),
 )
+#: and where flights are flown ahead
+PARTS_FILE = "parts.c"
 WRAPPERS = (
     *("README.md", "fprime/Controller.fpp", "fprime/Controller.hpp", "fprime/Controller.cpp"),
     *("cfs/inspection_app.c", "cfs/inspection_msgids.h", "cfs/inspection.xml"),
@@ -125,6 +128,7 @@ def _written(
     _write(folder / "controller.h", source.header)
     _write(folder / "controller.c", source.code)
     logs, flights = _logged(program, scenarios, fleet)
+    parts = parts_of(source.code, source.members, program)
     facts = {
         "interface": source.interface,
         "parameters": source.interface.parameters,
@@ -134,6 +138,7 @@ def _written(
         "num_flights": len(flights),
         "planner": program.planner,
         "warnings": WARNINGS,
+        "parts": parts,
         "specified": _specified(source.code) + joined(program),
         "is_shared": program.is_shared,
         "is_kept_apart": program.is_kept_apart,
@@ -143,7 +148,7 @@ def _written(
     for name in MESSAGES:
         _write(folder / name, renamed(rendered(f"{name}.jinja", **facts), prefix))
     evidence = folder / "evidence"
-    for name in EVIDENCE:
+    for name in (*EVIDENCE, *[PARTS_FILE] * bool(parts)):
         _write(evidence / name, renamed(rendered(f"evidence/{name}.jinja", **facts), prefix))
     _write(
         evidence / "vector.c", renamed("".join(f"{line}\n" for line in vector_source(flights, logs)), prefix)

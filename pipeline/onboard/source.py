@@ -68,8 +68,10 @@ class Sources:
         Line of the code, and file and line of the Python that it was translated from.
     tables : mapping of str to int
         Bytes of each constant table.
-    state_bytes : int
+    members : mapping of str to (shape, kind)
         Of ``struct controller``, without its parameters.
+    state_bytes : int
+        That they take.
     identity : mapping of str to str
         SHA-256 of the code, the controller and the generator's sources; its revision, and the licence.
     interface : Interface
@@ -79,6 +81,7 @@ class Sources:
     code: str
     origins: Sequence[tuple[int, str, int]]
     tables: Mapping[str, int]
+    members: Mapping[str, tuple[tuple[int, ...], str]]
     state_bytes: int
     identity: Mapping[str, str]
     interface: Interface
@@ -141,6 +144,7 @@ def sources(program: OnboardProgram, prefix: str = USUAL) -> Sources:
         text,
         [(number, line.file, line.number) for number, line in enumerate(code, start=1) if line.file],
         {table.name: table.num_bytes for table in tables},
+        members,
         sum(int(np.prod(shape)) * BYTES[kind] for shape, kind in members.values()),
         identity,
         interface,
