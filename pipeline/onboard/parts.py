@@ -16,25 +16,17 @@ from pipeline.onboard.program import OnboardProgram
 from pipeline.onboard.values import number_text
 
 #: functions that each control period of a flight ahead calls
-PARTS = ("decide", "assure", "see_ahead", "move_ahead")
-#: of these, those that are called at the flight's end too
-AT_END = ("see_ahead",)
-#: of these, those after which the number of points may seem to be less than none, until their callers look
-COUNTING = ("see_ahead",)
+PARTS = ("decide", "assure", "move_ahead")
 _FUNCTION = re.compile(r"^(?:static )?[\w ]+?\*?(\w+)\(([^;{}]*)\)\n\{\n(.*?)^\}", re.MULTILINE | re.DOTALL)
 
 
 class StateMember(NamedTuple):
-    """A member of the state: name, lengths along its axes, kind, and its ranges as numbers of C, or None.
-
-    The ranges are those that a part counts on, and that it leaves.
-    """
+    """A member of the state: name, lengths along its axes, kind, and its range as numbers of C, or None."""
 
     name: str
     lengths: Sequence[int]
     kind: str
     limits: tuple[str, str] | None
-    left: tuple[str, str] | None
 
 
 @dataclass(frozen=True)
@@ -48,8 +40,6 @@ class AnalysedPart:
         As it declares them; the first is the state.
     numbers : sequence of str
         Names of its other arguments: control periods.
-    most : int
-        Greatest of them.
     shared : sequence of StateMember
         That it reads or writes, and other functions too.
     private : sequence of StateMember
@@ -61,7 +51,6 @@ class AnalysedPart:
     name: str
     arguments: str
     numbers: Sequence[str]
-    most: int
     shared: Sequence[StateMember]
     private: Sequence[StateMember]
     others: Sequence[StateMember]
@@ -84,8 +73,8 @@ def parts_of(
     text = re.sub(r"/\*.*?\*/", "", code, flags=re.DOTALL)
     functions = {name: (arguments, body) for name, arguments, body in _FUNCTION.findall(text)}
     ranges = _ranges(program)
-    whole = [(f"parameters.{name}", (), "double") for name in program.parameters] + [
-        (name, tuple(length for length in shape if length != 1), kind)
+    described = [StateMember(f"parameters.{name}", (), "double", None) for name in program.parameters] + [
+        StateMember(name, [length for length in shape if length != 1], kind, ranges.get(name))
         for name, (shape, kind) in members.items()
     ]
     parts = []
@@ -95,8 +84,6 @@ def parts_of(
         for body in bodies:
             rest = rest.replace(body, "")
         elsewhere = _members_of(rest)
-        left = ranges | (_after_counting(program) if name in COUNTING else {})
-        described = [StateMember(*each, ranges.get(each[0]), left.get(each[0])) for each in whole]
         arguments = functions[name][0]
         numbers = re.findall(r"\bint (\w+)", arguments)
         if len(numbers) != arguments.count(","):
@@ -105,8 +92,7 @@ def parts_of(
         shared = [member for member in known if member.name.partition(".")[0] in elsewhere]
         private = [member for member in known if member not in shared]
         others = [member for member in described if member not in known]
-        most = program.world.num_controls - (name not in AT_END)
-        parts.append(AnalysedPart(name, arguments, numbers, most, shared, private, others))
+        parts.append(AnalysedPart(name, arguments, numbers, shared, private, others))
     return parts
 
 
@@ -124,12 +110,6 @@ def _ranges(program: OnboardProgram) -> dict[str, tuple[str, str]]:
     }
     exact = {name: (number_text(least), number_text(most)) for name, (least, most) in doubles.items()}
     return {**exact, "leading": ("-1", str(most_rules - 1))}
-
-
-def _after_counting(program: OnboardProgram) -> dict[str, tuple[str, str]]:
-    """Return the range of the number of points where it is counted down by what is seen."""
-    num_points = float(program.world.num_points)
-    return {"num_unseen": (number_text(-2.0 * num_points), number_text(num_points))}
 
 
 def _called(name: str, functions: Mapping[str, tuple[str, str]]) -> Iterator[str]:
