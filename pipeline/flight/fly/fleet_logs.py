@@ -11,7 +11,7 @@ from pipeline.array_types import Bytes, Floats
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import Controller, PilotController, open_loop
 from pipeline.flight.control.law import law_of
-from pipeline.flight.fly.fleets import Messages, fly_all_fleets, opened, room_for_messages
+from pipeline.flight.fly.fleets import Chosen, Messages, check_controller, fly_chosen, looked_ahead, room_for_messages
 from pipeline.flight.fly.logged import write_period, write_sample
 from pipeline.flight.fly.many import FlightBatch, is_given, open_with, start_lanes
 from pipeline.flight.fly.population import flights_of
@@ -152,16 +152,17 @@ def fly_logged_fleet(mission: Mission, controller: Controller, scenario: Scenari
         If the numbers of a flight are not finite.
     """
     messages = room_for_messages(mission, 1)
-    fly_all_fleets(mission, controller, [scenario], 1, messages=messages)
-    flown, openings = opened(mission, controller, [scenario], 1)
-    each = [flown] * len(scenario.fleet)
+    check_controller(mission, controller)
+    chosen = looked_ahead(mission, controller, [scenario], 1)
+    fly_chosen(mission, chosen, [scenario], 1, messages=messages)
+    each = [chosen.controllers[row] for row in chosen.followed[0]]
     if isinstance(controller, PilotController):
         (forces,) = controller.pilot.together(mission.of_each, [scenario.fleet], 1)
         each = [open_loop(controller.name, plan) for plan in forces]
     return [
         DeputyLog(
             row + 1,
-            _fly_heeding(mission, each[row], start, messages, row, openings[row : row + 1]),
+            _fly_heeding(mission, each[row], start, messages, row, chosen),
             messages.seen_by[0],
             messages.left_to[0, row],
             messages.shown[0, row],
@@ -174,12 +175,12 @@ def fly_logged_fleet(mission: Mission, controller: Controller, scenario: Scenari
 
 
 def _fly_heeding(
-    mission: Mission, controller: Controller, start: Scenario, messages: Messages, row: int, openings: Floats
+    mission: Mission, controller: Controller, start: Scenario, messages: Messages, row: int, chosen: Chosen
 ) -> FlightLog:
     """Fly one deputy by what the others tell it, and log it."""
     alone = mission.of_each
     world, law, cases = pack_world(alone), law_of(controller, alone), cases_of(alone, [start])
-    parts, flights, inspectable = flights_of(world, law, controller.numbers, cases, openings)
+    parts, flights, inspectable = flights_of(world, law, controller.numbers, cases, chosen.openings[row : row + 1])
     unseen = np.zeros((mission.num_controls + 1, flights.counted.shape[1]))
     unseen[:, : world.num_points] = messages.unseen[0, row]
     wanted = unseen[:-1].copy()
@@ -191,4 +192,7 @@ def _fly_heeding(
     log = room_for_log(alone, world, law)
     state, work = make_state(world, parts[-1]), make_workspace(world)
     fly_heeding(*parts, flights, heard, kept, state, work, log)
-    return completed_log(alone, world, parts[-1], flights, inspectable, log)
+    logged = completed_log(alone, world, parts[-1], flights, inspectable, log)
+    if len(chosen.tour_costs):
+        logged = logged._replace(tour_costs_m_s=chosen.tour_costs[0, row, np.newaxis])
+    return logged

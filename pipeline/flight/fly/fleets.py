@@ -4,7 +4,7 @@ The period is that of `pipeline.flight.period.steps`; the exchange stands betwee
 alone flies by `pipeline.flight.fly.many`, whose code knows nothing of this.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from math import inf, sqrt
 from typing import Annotated, NamedTuple
 
@@ -15,7 +15,8 @@ from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import borrowed, width_of
 from fis_tools.engines.kernel import LANES
 from fis_tools.processors import num_processors
-from pipeline.array_types import Bytes, Floats
+from pipeline.array_types import Bytes, Floats, Integers
+from pipeline.flight.cases.navigation import as_believed
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import (
     Controller,
@@ -25,6 +26,7 @@ from pipeline.flight.control.controller import (
     RuleController,
 )
 from pipeline.flight.control.law import law_of, played, rehearsed_pushes
+from pipeline.flight.fly.answers import answers_in_turn
 from pipeline.flight.fly.divided import divided_openings, driven
 from pipeline.flight.fly.many import (
     NO_TRACKS,
@@ -57,10 +59,11 @@ from pipeline.flight.state.arrays import (
     allocated,
 )
 from pipeline.flight.state.errors import ModelErrors
+from pipeline.flight.state.lanes import flight_of
 from pipeline.flight.state.link import Link, arrives
 from pipeline.flight.state.log import Outcomes, Scenario, points_needed
-from pipeline.flight.state.signals import SETTING, URGENCY
-from pipeline.flight.world.bounds import bounds_of
+from pipeline.flight.state.signals import SETTING, URGENCY, constant
+from pipeline.flight.world.bounds import bounds_of, guard_of
 from pipeline.flight.world.pack import pack_world
 from pipeline.flight.world.surface import surface_of
 from pipeline.settings.experiment import Mission
@@ -177,12 +180,44 @@ def note_stops(now: Moment, apart: Apart, link: Link, messages: Messages) -> Non
             messages.stops[row][other] = apart.stops[slot, lane - lane % deputies + other]
 
 
+@compiled(error_model="numpy")
+def is_followed(now: Moment, followed: Integers, row: int) -> bool:
+    """Return whether any lane flies by a controller, given by its row."""
+    for lane in range(width_of(now.state.lanes)):
+        if followed[flight_of(now, lane)] == row:
+            return True
+    return False
+
+
+@compiled(error_model="numpy")
+def decide_apiece(
+    now: Moment, work: Workspace, optics: FullOptics | None, flights: FlightBatch, followed: Integers
+) -> None:
+    """Let every lane decide by the controller that it follows."""
+    lanes = now.state.lanes
+    width = width_of(lanes)
+    forces = np.empty((2, 3, width))  # requested and commanded
+    for row in range(len(flights.values)):
+        if not is_followed(now, followed, row):
+            continue
+        decide(now, work, optics, Control(flights.law, flights.values[row, 0], flights.rules[0]))
+        for lane in range(width):
+            for axis in range(3 if followed[flight_of(now, lane)] == row else 0):
+                forces[0, axis, lane] = lanes.requested[axis, lane]
+                forces[1, axis, lane] = lanes.commanded[axis, lane]
+    for lane in range(width):
+        for axis in range(3):
+            lanes.requested[axis, lane] = forces[0, axis, lane]
+            lanes.commanded[axis, lane] = forces[1, axis, lane]
+
+
 @compiled(nogil=True, error_model="numpy")
 def fly_fleets(
     optics: FullOptics | None,
     clusters: bool | None,
     errors: ModelErrors | None,
     flights: FlightBatch,
+    followed: Integers,
     apart: Apart | None,
     exchange: Exchange,
     needed: Floats,
@@ -192,15 +227,17 @@ def fly_fleets(
     first: int,
     last: int,
 ) -> None:
-    """Fly deputies `first` to `last - 1`, whole fleets of one controller side by side.
+    """Fly deputies `first` to `last - 1`, whole fleets side by side.
 
-    See `pipeline.flight.period.steps` for the first three; `apart` is None where deputies are not kept apart,
-    and `needed`, (m,), are the points that are enough. The content of exchange, state and workspace, those of
+    See `pipeline.flight.period.steps` for the first three; `followed`, (m D,), is the row of the controller
+    that each flies by, `apart` is None where deputies are not kept apart, and `needed`, (m,), are the points
+    that are enough. The content of exchange, state and workspace, those of
     this thread, does not matter.
     """
     deputies = exchange.deputies
     most = width_of(state.lanes) // deputies * deputies
-    flights, exchange, state, work, results = borrowed((flights, exchange, state, work, results))
+    flights, followed, exchange, state = borrowed((flights, followed, exchange, state))
+    work, results = borrowed((work, results))
     world, law, tracks = flights.world, flights.law, results.tracks
     control = Control(law, flights.values[0, 0], flights.rules[0])
     for start in range(first, last, most):
@@ -224,7 +261,7 @@ def fly_fleets(
             share_out(now, work, exchange, optics, clusters, control)
             note_left(now, exchange, results.messages)
             if not is_given(now, flights.openings):
-                decide(now, work, optics, control)
+                decide_apiece(now, work, optics, flights, followed)
             open_with(now, flights.openings)
             if apart is not None:
                 assure_apart(now, apart, exchange.link)
@@ -324,8 +361,16 @@ def check_controller(mission: Mission, controller: Controller) -> None:
                 f"controller {controller.name!r} divides its plans among deputies, once, where all is exact, "
                 f"and here are navigation={exact[0]}, actuators={exact[1]}, dynamics={exact[2]}; {cure}"
             )
-    elif tour_images(controller) or len(rehearsed_pushes(controller)):
+    elif len(rehearsed_pushes(controller)):
         raise ControllerError(refused + cure)
+    elif tour_images(controller):
+        for name, what in (("rehearsal_period_s", "later again"), ("rehearsal_draws", "with drawn errors")):
+            if (value := controller.constants[constant(name)]) > 0.0:
+                raise ControllerError(
+                    f"controller {controller.name!r} rehearses tours {what}, by {name} {value:g}, and a fleet "
+                    "rehearses them once, at the start, as it believes all to be; choose one that does so, "
+                    "such as champion_leo, or leave fleet.deputies out"
+                )
 
 
 def _check_pilot(fleet: Fleet, controller: PilotController) -> None:
@@ -370,50 +415,91 @@ def fly_all_fleets(
         If a flight's numbers are not finite.
     """
     check_controller(mission, controller)
-    flown, openings = opened(mission, controller, scenarios, workers, lanes)
-    return _fly(mission, flown, scenarios, workers, lanes, openings, tracks, messages)
+    chosen = looked_ahead(mission, controller, scenarios, workers, lanes)
+    return fly_chosen(mission, chosen, scenarios, workers, lanes, tracks, messages)
 
 
-def opened(
+class Chosen(NamedTuple):
+    """How m fleets fly, once they have looked ahead."""
+
+    controllers: tuple[Controller, ...]  # of one structure
+    followed: Integers  # (m, D) by which of these each deputy flies
+    openings: Floats = np.zeros((0, 0, 4))  # (m D, K, 4) forces planned, as `fly_population` takes them
+    tour_costs: Floats = np.zeros((0, 0, 0))  # (m, D, tours) see `Answers`, if tours are rehearsed
+
+
+def looked_ahead(
     mission: Mission,
     controller: Controller,
     scenarios: list[Scenario],
     workers: int | None = None,
     lanes: int = LANES,
-) -> tuple[Controller, Floats]:
-    """Return the controller that fleets fly, and their planned forces, (m D, K, 4), if it has foresight.
+) -> Chosen:
+    """Let fleets look ahead, if their controller does.
 
     Each fleet's divided plans are flown ahead, with coasting after them and with the rules after them, beside
-    the rules alone; the cheapest is followed.
+    the rules alone; the cheapest is followed. So are tours, each deputy's in turn, as the deputies believe
+    starts and mission to be, see `as_believed`.
     """
-    if not (isinstance(controller, RuleController) and foresees(controller)):
-        return controller, np.zeros((0, 0, 4))
-    flown, planned = finishing(controller), divided_openings(mission, controller, scenarios, workers)
-    ways = np.array([planned, driven(planned), np.zeros_like(planned)])
-    ends = [_fly(mission, flown, scenarios, workers, lanes, openings) for openings in ways]
-    cheapest = np.argmin([rehearsed_costs(controller, end) for end in ends], axis=0)
-    of_each = np.repeat(cheapest, mission.fleet.deputies)
-    return flown, np.ascontiguousarray(ways[of_each, np.arange(len(of_each))])
+    deputies = mission.fleet.deputies
+    alike = np.zeros((len(scenarios), deputies), dtype=np.int64)
+    if isinstance(controller, RuleController) and foresees(controller):
+        flown, planned = finishing(controller), divided_openings(mission, controller, scenarios, workers)
+        ways = np.array([planned, driven(planned), np.zeros_like(planned)])
+        ends = [
+            fly_chosen(mission, Chosen((flown,), alike, openings), scenarios, workers, lanes)
+            for openings in ways
+        ]
+        cheapest = np.argmin([rehearsed_costs(controller, end) for end in ends], axis=0)
+        of_each = np.repeat(cheapest, deputies)
+        return Chosen((flown,), alike, np.ascontiguousarray(ways[of_each, np.arange(len(of_each))]))
+    images = tour_images(controller)
+    if not images:
+        return Chosen((controller,), alike)
+    known, believed = _as_believed(mission, scenarios)
+
+    def fly(fleets: Integers, tours: Integers) -> Floats:
+        """Return the costs of some fleets by the tours of their deputies, m/s."""
+        starts = [believed[fleet] for fleet in fleets.tolist()]
+        ends = fly_chosen(known, Chosen(images, tours), starts, workers, lanes, safe_in=mission)
+        return rehearsed_costs(controller, ends)
+
+    answers = answers_in_turn(len(scenarios), deputies, len(images), fly)
+    return Chosen(images, answers.followed, tour_costs=answers.costs)
 
 
-def _fly(
+def _as_believed(mission: Mission, scenarios: list[Scenario]) -> tuple[Mission, list[Scenario]]:
+    """Return the mission and the starts of fleets as deputies believe them to be: all messages arrive."""
+    known, each = as_believed(mission, [start for scenario in scenarios for start in scenario.fleet])
+    deputies = mission.fleet.deputies
+    fleets = [each[first : first + deputies] for first in range(0, len(each), deputies)]
+    believed = [replace(first, others=tuple(others)) for first, *others in fleets]
+    return replace(known, fleet=replace(mission.fleet, lost_percent=0.0)), believed
+
+
+def fly_chosen(
     mission: Mission,
-    controller: Controller,
+    chosen: Chosen,
     scenarios: list[Scenario],
-    workers: int | None,
-    lanes: int,
-    openings: Floats,
+    workers: int | None = None,
+    lanes: int = LANES,
     tracks: NDArray[np.float32] | None = None,
     messages: Messages = NO_MESSAGES,
+    safe_in: Mission | None = None,
 ) -> FleetOutcomes:
-    """Fly fleets by rules, after planned forces, (m D, n, 4); see `fly_all_fleets`."""
+    """Fly fleets by what they chose, see `fly_all_fleets`; the safety layer is that of `safe_in`, if given."""
+    controller, *_ = chosen.controllers
+    safe_in = safe_in or mission
     deputies, alone = mission.fleet.deputies, mission.of_each
-    world, law = pack_world(alone), law_of(controller, alone)
+    world, law = pack_world(alone)._replace(guard=guard_of(safe_in.of_each)), law_of(controller, alone)
     cases = cases_of(alone, [start for case in scenarios for start in case.fleet])
     if isinstance(controller, PilotController):
         forces = controller.pilot.together(alone, [case.fleet for case in scenarios], workers)
         law = law._replace(plans=played(forces.reshape(-1, *forces.shape[2:])))
-    parts, flights, inspectable = flights_of(world, law, controller.numbers, cases, openings)
+    numbers = replace(
+        controller.numbers, values=np.vstack([each.numbers.values for each in chosen.controllers])
+    )
+    parts, flights, inspectable = flights_of(world, law, numbers, cases, chosen.openings)
     count, num_points = len(scenarios), world.num_points
     num_inspectable = inspectable[::deputies, :num_points].sum(axis=1, dtype=np.int64)
     results = FleetResults(
@@ -423,6 +509,7 @@ def _fly(
         NO_TRACKS if tracks is None else tracks.reshape(-1, *tracks.shape[2:]),
         messages,
     )
+    followed, openings = np.ascontiguousarray(chosen.followed.ravel()), chosen.openings
     needed = points_needed(num_inspectable, mission.inspection_threshold_percent).astype(np.float64)
     workers = workers or num_processors()
     shares = shares_of(count * deputies, lanes // deputies * deputies, workers)
@@ -432,7 +519,8 @@ def _fly(
         """Fly shares one after the other, each not taken by another thread."""
         for first, last in untaken:
             fly_fleets(
-                *parts, flights, apart_of(mission), exchange, needed, state, work, results, first, last
+                *(*parts, flights, followed, apart_of(safe_in)),
+                *(exchange, needed, state, work, results, first, last),
             )
 
     lost = lost_messages(mission, scenarios)
