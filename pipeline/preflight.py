@@ -84,7 +84,7 @@ def check_before(experiment: Experiment) -> None:
 def _check_fleet(experiment: Experiment, controllers: Iterable["Controller"]) -> None:
     """Check that no controller that a fleet flies by plans for one deputy alone."""
     if experiment.mission.has_fleet:
-        from pipeline.flight.fly.fleets import check_controller  # noqa: PLC0415 - compiled code
+        from pipeline.flight.fly.fleet_controllers import check_controller  # noqa: PLC0415 - compiled code
 
         for controller in controllers:
             check_controller(experiment.mission, controller)

@@ -19,8 +19,7 @@ from fis_tools.compiled.decorator import plainly
 from pipeline.array_types import Bytes, Floats, Integers
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.fly.fleet_logs import DeputyLog
-from pipeline.flight.fly.rehearsals import rehearse_tours
-from pipeline.flight.fly.tours import rehearsal_samples, tour_images
+from pipeline.flight.fly.tours import rehearsal_samples
 from pipeline.flight.fly.workspace import points_of_cases
 from pipeline.flight.period.look.optics import sun_after
 from pipeline.flight.state.log import REHEARSED, FlightLog, Scenario
@@ -111,7 +110,7 @@ def recorded(
     if program.is_kept_apart:
         _note_others(steps, program.fleet, of_fleet)
     rows = [[row[name] for name in program.parameters] for _, row in program.choices]
-    flight = Recorded(start, steps, _chosen(program, scenario), rows, program.planner is not None)
+    flight = Recorded(start, steps, _chosen(program, log), rows, program.planner is not None)
     if of_fleet is None or not program.is_shared:
         return flight
     heard = np.zeros(len(steps), heard_type(program.fleet.deputies, world.num_points))
@@ -132,13 +131,12 @@ def _note_others(steps: Any, fleet: Fleet, log: DeputyLog | None) -> None:
         steps[f"age_other_{number}"] = np.where(log.arrived[:, row] > 0, fleet.delay_periods, -1)
 
 
-def _chosen(program: OnboardProgram, scenario: Scenario) -> dict[int, int]:
+def _chosen(program: OnboardProgram, log: FlightLog) -> dict[int, int]:
     """Return which tour a flight's controller chose by rehearsals, from samples on."""
-    controller, mission = program.controller, program.mission
-    if program.planner is not None or not tour_images(controller):
+    if program.planner is not None or not len(log.tour_costs_m_s):
         return {}
-    (followed,) = rehearse_tours(mission, controller, [scenario], 1).followed
-    return dict(zip(rehearsal_samples(controller, mission), followed.tolist(), strict=True))
+    samples = rehearsal_samples(program.controller, program.mission)
+    return dict(zip(samples, log.tour_costs_m_s.argmin(axis=1).tolist(), strict=True))
 
 
 def vector_of(flights: Sequence[Recorded], logs: Sequence[FlightLog]) -> tuple[Any, Any]:

@@ -11,9 +11,20 @@ from pipeline.settings.experiment import Mission
 
 
 def fleet_events(mission: Mission, log: DeputyLog, num_deputies: int) -> list[Event]:
-    """Return what a deputy left to others, when it had nothing else to do, and who saw what, by time."""
-    happened = [*_leaving(mission, log), *_idling(log), _shares(log, num_deputies)]
+    """Return what a deputy left to others, when it had nothing else to do, and who saw what, by time.
+
+    If it rehearsed tours, also that the fleet chose them together.
+    """
+    happened = [*_touring(log, num_deputies), *_leaving(mission, log), *_idling(log)]
+    happened.append(_shares(log, num_deputies))
     return sorted(happened, key=lambda event: event.sample)
+
+
+def _touring(log: DeputyLog, num_deputies: int) -> Iterator[Event]:
+    """Yield for whom the deputy's tour is the cheapest, if it rehearsed some."""
+    if len(log.flight.tour_costs_m_s):
+        words = f"the cheapest for all {num_deputies} deputies together, beside the tours of the others"
+        yield Event(0, "info", f"this tour is {words}")
 
 
 def _leaving(mission: Mission, log: DeputyLog) -> Iterator[Event]:

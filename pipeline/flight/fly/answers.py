@@ -23,38 +23,46 @@ class Answers(NamedTuple):
     followed: Integers  # (m, D) of each deputy the cheapest, the first of equals
 
 
+#: answers begin at so many tours that all deputies follow, the cheapest
+NUM_FIRST = 4
+
+
 def answers_in_turn(num_fleets: int, deputies: int, num_tours: int, fly: FlyAhead) -> Answers:
-    """Return which tours deputies follow: all the same, the cheapest, and from there each its best answer.
+    """Return which tours deputies follow: at first all the same, then each its best answer in turn.
 
     An answer makes its fleet cheaper, or as cheap by an earlier tour, so the answers end: at tours of which
-    no deputy alone has a better one.
+    no deputy alone has a better one. Of the ends from several first tours the cheapest is taken.
     """
     known: dict[tuple[int, ...], float] = {}
 
     def costs_of(fleets: Integers, tours: Integers) -> Floats:
-        """Return what fleets cost, flying those that did not fly by these tours before."""
+        """Return what fleets, (q,), cost by tours, (q, D), flying those that did not fly so before."""
         keys = list(map(tuple, np.column_stack([fleets, tours]).tolist()))
         if new := [key for key in dict.fromkeys(keys) if key not in known]:
             rows = np.array(new)
             known.update(zip(new, fly(rows[:, 0], rows[:, 1:]).tolist(), strict=True))
         return np.array([known[key] for key in keys])
 
-    def compared(fleets: Integers, tours: Integers) -> Floats:
-        """Return what each fleet costs by each of some tours, (fleets, tours), from (tours, fleets, D)."""
-        flat = tours.reshape(-1, deputies)
-        return costs_of(np.tile(fleets, len(tours)), flat).reshape(len(tours), -1).T
+    def compared(fleets: Integers, tours: Integers, deputy: int) -> Floats:
+        """Return what fleets, (q,), cost by each tour of a deputy, beside the others' tours, (q, tours)."""
+        tried = np.tile(tours, (num_tours, 1, 1))
+        tried[:, :, deputy] = np.arange(num_tours)[:, np.newaxis]
+        costs = costs_of(np.tile(fleets, num_tours), tried.reshape(-1, deputies))
+        return np.ascontiguousarray(costs.reshape(num_tours, -1).T)
 
-    waiting = np.arange(num_fleets)
-    alike = np.broadcast_to(np.arange(num_tours)[:, np.newaxis, np.newaxis], (num_tours, num_fleets, deputies))
-    cheapest = compared(waiting, alike).argmin(axis=1)
-    followed = np.repeat(cheapest[:, np.newaxis], deputies, axis=1)
-    costs = np.empty((num_fleets, deputies, num_tours))
+    each, every = np.arange(num_fleets), np.arange(num_tours)
+    same = np.repeat(every, num_fleets)[:, np.newaxis].repeat(deputies, axis=1)
+    alike = costs_of(np.tile(each, num_tours), same)
+    firsts = np.argsort(alike.reshape(num_tours, -1).T, axis=1, kind="stable")[:, :NUM_FIRST]
+    fleets = np.repeat(each, firsts.shape[1])
+    followed = np.repeat(firsts.reshape(-1, 1), deputies, axis=1)
+    costs, waiting = np.empty((len(fleets), deputies, num_tours)), np.arange(len(fleets))
     while len(waiting):
         before = followed[waiting]
         for deputy in range(deputies):
-            tours = np.repeat(followed[np.newaxis, waiting], num_tours, axis=0)
-            tours[:, :, deputy] = np.arange(num_tours)[:, np.newaxis]
-            costs[waiting, deputy] = compared(waiting, tours)
+            costs[waiting, deputy] = compared(fleets[waiting], followed[waiting], deputy)
             followed[waiting, deputy] = costs[waiting, deputy].argmin(axis=1)
         waiting = waiting[(followed[waiting] != before).any(axis=1)]
-    return Answers(costs, followed)
+    ends = costs_of(fleets, followed).reshape(num_fleets, -1).argmin(axis=1)
+    rows = each * firsts.shape[1] + ends
+    return Answers(costs[rows], followed[rows])

@@ -11,7 +11,8 @@ from pipeline.array_types import Bytes, Floats
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import Controller, PilotController, open_loop
 from pipeline.flight.control.law import law_of
-from pipeline.flight.fly.fleets import Chosen, Messages, check_controller, fly_chosen, looked_ahead, room_for_messages
+from pipeline.flight.fly.fleet_controllers import check_controller
+from pipeline.flight.fly.fleets import Chosen, Messages, fly_chosen, looked_ahead, room_for_messages
 from pipeline.flight.fly.logged import write_period, write_sample
 from pipeline.flight.fly.many import FlightBatch, is_given, open_with, start_lanes
 from pipeline.flight.fly.population import flights_of
@@ -180,7 +181,8 @@ def _fly_heeding(
     """Fly one deputy by what the others tell it, and log it."""
     alone = mission.of_each
     world, law, cases = pack_world(alone), law_of(controller, alone), cases_of(alone, [start])
-    parts, flights, inspectable = flights_of(world, law, controller.numbers, cases, chosen.openings[row : row + 1])
+    openings = chosen.openings[row : row + 1]
+    parts, flights, inspectable = flights_of(world, law, controller.numbers, cases, openings)
     unseen = np.zeros((mission.num_controls + 1, flights.counted.shape[1]))
     unseen[:, : world.num_points] = messages.unseen[0, row]
     wanted = unseen[:-1].copy()

@@ -4,7 +4,7 @@ The period is that of `pipeline.flight.period.steps`; the exchange stands betwee
 alone flies by `pipeline.flight.fly.many`, whose code knows nothing of this.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from math import inf, sqrt
 from typing import Annotated, NamedTuple
 
@@ -18,16 +18,11 @@ from fis_tools.processors import num_processors
 from pipeline.array_types import Bytes, Floats, Integers
 from pipeline.flight.cases.navigation import as_believed
 from pipeline.flight.cases.starts import cases_of
-from pipeline.flight.control.controller import (
-    Controller,
-    ControllerError,
-    OpenLoopController,
-    PilotController,
-    RuleController,
-)
-from pipeline.flight.control.law import law_of, played, rehearsed_pushes
+from pipeline.flight.control.controller import Controller, PilotController, RuleController
+from pipeline.flight.control.law import law_of, played
 from pipeline.flight.fly.answers import answers_in_turn
 from pipeline.flight.fly.divided import divided_openings, driven
+from pipeline.flight.fly.fleet_controllers import check_controller
 from pipeline.flight.fly.many import (
     NO_TRACKS,
     FlightBatch,
@@ -62,7 +57,7 @@ from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.lanes import flight_of
 from pipeline.flight.state.link import Link, arrives
 from pipeline.flight.state.log import Outcomes, Scenario, points_needed
-from pipeline.flight.state.signals import SETTING, URGENCY, constant
+from pipeline.flight.state.signals import SETTING, URGENCY
 from pipeline.flight.world.bounds import bounds_of, guard_of
 from pipeline.flight.world.pack import pack_world
 from pipeline.flight.world.surface import surface_of
@@ -183,10 +178,10 @@ def note_stops(now: Moment, apart: Apart, link: Link, messages: Messages) -> Non
 @compiled(error_model="numpy")
 def is_followed(now: Moment, followed: Integers, row: int) -> bool:
     """Return whether any lane flies by a controller, given by its row."""
+    is_so = False
     for lane in range(width_of(now.state.lanes)):
-        if followed[flight_of(now, lane)] == row:
-            return True
-    return False
+        is_so |= followed[flight_of(now, lane)] == row
+    return is_so
 
 
 @compiled(error_model="numpy")
@@ -345,50 +340,6 @@ def apart_of(mission: Mission) -> Apart | None:
     return make_apart(pack_world(mission.of_each), fleet.deputies, planned, fleet.delay_periods)
 
 
-def check_controller(mission: Mission, controller: Controller) -> None:
-    """Raise ControllerError for a controller that plans ahead as if it were alone, or for what is not so."""
-    refused = f"controller {controller.name!r} plans for one deputy, and fleet.deputies is above 1; "
-    cure = "choose one that goes by its rules alone, such as champion_27, or leave fleet.deputies out"
-    if isinstance(controller, PilotController):
-        _check_pilot(mission.fleet, controller)
-        return
-    if not isinstance(controller, RuleController | OpenLoopController):
-        raise ControllerError(refused + cure)
-    if foresees(controller):
-        exact = mission.navigation.mode, mission.actuators.kind, mission.dynamics.model
-        if exact != ("perfect", "ideal", "cw"):
-            raise ControllerError(
-                f"controller {controller.name!r} divides its plans among deputies, once, where all is exact, "
-                f"and here are navigation={exact[0]}, actuators={exact[1]}, dynamics={exact[2]}; {cure}"
-            )
-    elif len(rehearsed_pushes(controller)):
-        raise ControllerError(refused + cure)
-    elif tour_images(controller):
-        for name, what in (("rehearsal_period_s", "later again"), ("rehearsal_draws", "with drawn errors")):
-            if (value := controller.constants[constant(name)]) > 0.0:
-                raise ControllerError(
-                    f"controller {controller.name!r} rehearses tours {what}, by {name} {value:g}, and a fleet "
-                    "rehearses them once, at the start, as it believes all to be; choose one that does so, "
-                    "such as champion_leo, or leave fleet.deputies out"
-                )
-
-
-def _check_pilot(fleet: Fleet, controller: PilotController) -> None:
-    """Raise ControllerError unless a fleet's deputies observe what those of the learners' environment do."""
-    plain = Fleet(deputies=fleet.deputies, sharing="mask")
-    others = [each.name for each in fields(plain) if getattr(fleet, each.name) != getattr(plain, each.name)]
-    if controller.pilot.turns:
-        raise ControllerError(
-            f"policy {controller.name!r} turns one deputy, itself; leave fleet.deputies out"
-        )
-    if others:
-        cure = ", ".join(f"fleet.{name}={getattr(plain, name)}" for name in others)
-        raise ControllerError(
-            f"policy {controller.name!r} learned where each deputy knows at once which points any has seen, "
-            f"and no more; give {cure}"
-        )
-
-
 def fly_all_fleets(
     mission: Mission,
     controller: Controller,
@@ -438,8 +389,8 @@ def looked_ahead(
     """Let fleets look ahead, if their controller does.
 
     Each fleet's divided plans are flown ahead, with coasting after them and with the rules after them, beside
-    the rules alone; the cheapest is followed. So are tours, each deputy's in turn, as the deputies believe
-    starts and mission to be, see `as_believed`.
+    the rules alone; the cheapest is followed. Tours are flown ahead as the deputies believe starts and
+    mission to be, and chosen by `answers_in_turn`.
     """
     deputies = mission.fleet.deputies
     alike = np.zeros((len(scenarios), deputies), dtype=np.int64)
@@ -487,7 +438,7 @@ def fly_chosen(
     messages: Messages = NO_MESSAGES,
     safe_in: Mission | None = None,
 ) -> FleetOutcomes:
-    """Fly fleets by what they chose, see `fly_all_fleets`; the safety layer is that of `safe_in`, if given."""
+    """Fly fleets by what they chose, see `fly_all_fleets`; the safety layer is that of `safe_in` if given."""
     controller, *_ = chosen.controllers
     safe_in = safe_in or mission
     deputies, alone = mission.fleet.deputies, mission.of_each
@@ -519,8 +470,17 @@ def fly_chosen(
         """Fly shares one after the other, each not taken by another thread."""
         for first, last in untaken:
             fly_fleets(
-                *(*parts, flights, followed, apart_of(safe_in)),
-                *(exchange, needed, state, work, results, first, last),
+                *parts,
+                flights,
+                followed,
+                apart_of(safe_in),
+                exchange,
+                needed,
+                state,
+                work,
+                results,
+                first,
+                last,
             )
 
     lost = lost_messages(mission, scenarios)
