@@ -218,6 +218,11 @@ class Library:
         addresses = (ctypes.c_void_p(each.ctypes.data) for each in (step, heard, left_to))
         return int(self._function("leave")(self._state, *addresses))
 
+    def _choose_at(self, flight: Recorded, k: int) -> None:
+        """Let a flight follow what it chose at a sample, if it chose anything then."""
+        if k in flight.choices:
+            self.choose(flight.parameters[flight.choices[k]])
+
     def shares(self, flight: Recorded) -> tuple[Bytes, Bytes, Any]:
         """Return what a deputy of a fleet tells and leaves at samples, each (K, P), and answers."""
         sharing = flight.sharing
@@ -229,6 +234,7 @@ class Library:
         for k in range(len(outputs)):
             step = flight.steps[k : k + 1].copy()
             step["unseen"] = sharing.known[k]
+            self._choose_at(flight, k)
             self.tell(step, shown[k])
             self.leave(step, sharing.heard[k : k + 1], left_to[k])
             step["unseen"] &= left_to[k] == 0
@@ -248,8 +254,7 @@ class Library:
             self.plan_from(flight.steps[:1])
             self.plan()
         for k in range(len(outputs)):
-            if k in flight.choices:
-                self.choose(flight.parameters[flight.choices[k]])
+            self._choose_at(flight, k)
             self.step(flight.steps[k : k + 1], outputs[k : k + 1])
             if flight.plans:  # again, where it does so
                 self.plan()

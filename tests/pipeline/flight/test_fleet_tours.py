@@ -68,7 +68,10 @@ def test_tours_that_do_not_touch_one_another_are_each_the_cheapest():
     np.testing.assert_array_equal(answers_in_turn(20, 3, 6, fly).followed, parts.argmin(axis=2))
 
 
-@pytest.mark.parametrize("words", [(), ("safety=filter", "fleet.keep_apart_m=10", "fleet.delay_periods=2")])
+KEPT_APART = ("safety=filter", "fleet.keep_apart_m=10", "fleet.delay_periods=2")
+
+
+@pytest.mark.parametrize("words", [(), pytest.param(KEPT_APART, marks=pytest.mark.slow)])
 def test_where_all_is_exact_fleets_cost_what_they_cost_ahead(words):
     mission, controller, scenarios = composed(*EXACT, *words)
     chosen = looked_ahead(mission, controller, scenarios, 1)

@@ -88,6 +88,28 @@ def test_what_is_left_to_others_is_decided_on_board(tmp_path, sharing):
     assert num_heard > 100
 
 
+def test_each_deputy_follows_its_tour_on_board(tmp_path):
+    """Its choice comes from the ground, as the fleet made it; by another tour it flies otherwise."""
+    programs.program("gcc", "gcc")
+    words = [*FLEET, "world=leo", "controller=champion_leo", "duration_s=1800"]
+    experiment = compose_experiment(words).experiment
+    mission = experiment.mission
+    controller = load(experiment.controller, mission)
+    translated = program.translate(mission.of_each, controller, fleet=mission.fleet)
+    scenarios = evaluation_scenarios(experiment)
+    export.export(translated, scenarios[:1], tmp_path / "c", fleet=mission.fleet)
+    library, followed = Library(tmp_path / "c"), set()
+    for case in scenarios:
+        for log, start in zip(fly_logged_fleet(mission, controller, case), case.fleet, strict=True):
+            flight = recorded(translated, start, log.flight, log)
+            (tour,) = flight.choices.values()
+            followed.add(tour)
+            assert len(differing(library.answers(flight), log.flight)) == 0
+            otherwise = flight._replace(choices={0: (tour + 1) % len(translated.choices)})
+            assert len(differing(library.answers(otherwise), log.flight)) > 0
+    assert len(followed) > 1
+
+
 def test_nothing_is_left_or_promised_by_what_is_not_fit(tmp_path):
     programs.program("gcc", "gcc")
     experiment = compose_experiment([*FLEET, "fleet.sharing=nearer"]).experiment
