@@ -15,7 +15,7 @@ from pipeline.array_types import Floats, Integers
 FlyAhead = Callable[[Integers, Integers], Floats]
 
 
-class Answers(NamedTuple):
+class FleetTours(NamedTuple):
     """The tours that the deputies of m fleets follow, and the costs by which they were chosen."""
 
     # (m, D, tours) m/s, of the whole fleet: if a deputy follows a tour, and the others those that they follow
@@ -27,7 +27,7 @@ class Answers(NamedTuple):
 NUM_FIRST = 4
 
 
-def answers_in_turn(num_fleets: int, deputies: int, num_tours: int, fly: FlyAhead) -> Answers:
+def answers_in_turn(num_fleets: int, deputies: int, num_tours: int, fly: FlyAhead) -> FleetTours:
     """Return which tours deputies follow: at first all the same, then each its best answer in turn.
 
     An answer makes its fleet cheaper, or as cheap by an earlier tour, so the answers end: at tours of which
@@ -65,4 +65,4 @@ def answers_in_turn(num_fleets: int, deputies: int, num_tours: int, fly: FlyAhea
         waiting = waiting[(followed[waiting] != before).any(axis=1)]
     ends = costs_of(fleets, followed).reshape(num_fleets, -1).argmin(axis=1)
     rows = each * firsts.shape[1] + ends
-    return Answers(costs[rows], followed[rows])
+    return FleetTours(costs[rows], followed[rows])

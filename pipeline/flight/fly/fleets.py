@@ -376,7 +376,7 @@ class Chosen(NamedTuple):
     controllers: tuple[Controller, ...]  # of one structure
     followed: Integers  # (m, D) by which of these each deputy flies
     openings: Floats = np.zeros((0, 0, 4))  # (m D, K, 4) forces planned, as `fly_population` takes them
-    tour_costs: Floats = np.zeros((0, 0, 0))  # (m, D, tours) see `Answers`, if tours are rehearsed
+    tour_costs: Floats = np.zeros((0, 0, 0))  # (m, D, tours) see `FleetTours`, if tours are rehearsed
 
 
 def looked_ahead(

@@ -71,7 +71,8 @@ def test_tours_that_do_not_touch_one_another_are_each_the_cheapest():
 KEPT_APART = ("safety=filter", "fleet.keep_apart_m=10", "fleet.delay_periods=2")
 
 
-@pytest.mark.parametrize("words", [(), pytest.param(KEPT_APART, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("words", [(), KEPT_APART])
 def test_where_all_is_exact_fleets_cost_what_they_cost_ahead(words):
     mission, controller, scenarios = composed(*EXACT, *words)
     chosen = looked_ahead(mission, controller, scenarios, 1)
@@ -88,6 +89,7 @@ def test_where_all_is_exact_fleets_cost_what_they_cost_ahead(words):
     assert (chosen.followed != chosen.followed[:, :1]).any()  # not all deputies follow the same
 
 
+@pytest.mark.slow
 def test_fleets_know_their_estimates_and_not_their_errors():
     """Tours are those of a fleet that starts at the first estimates, where all is exact and arrives."""
     mission, controller, scenarios = composed("fleet.lost_percent=40")
@@ -109,6 +111,7 @@ def test_fleets_know_their_estimates_and_not_their_errors():
         np.testing.assert_allclose(ahead.tour_costs[0], chosen.tour_costs[case], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_tour_of_all_is_flown_as_by_a_controller_that_follows_it():
     mission, controller, scenarios = composed(*EXACT)
     images = tour_images(controller)
@@ -120,6 +123,7 @@ def test_a_tour_of_all_is_flown_as_by_a_controller_that_follows_it():
             np.testing.assert_array_equal(getattr(flown, name), values, err_msg=f"{tour} {name}")
 
 
+@pytest.mark.slow
 def test_results_depend_on_neither_workers_nor_neighbours():
     mission, controller, scenarios = composed("fleet.deputies=3")
     flown = fly_all_fleets(mission, controller, scenarios, 1)
@@ -152,6 +156,7 @@ def test_deputies_with_tours_of_their_own_fly_as_the_reference():
             np.testing.assert_allclose(tracks[case, :, k, TRACK_FORCE : TRACK_FORCE + 3], fired, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_each_log_says_which_tour_its_deputy_follows():
     mission, controller, scenarios = composed()
     flown = fly_all_fleets(mission, controller, scenarios, 1)

@@ -88,6 +88,7 @@ def test_what_is_left_to_others_is_decided_on_board(tmp_path, sharing):
     assert num_heard > 100
 
 
+@pytest.mark.slow
 def test_each_deputy_follows_its_tour_on_board(tmp_path):
     """Its choice comes from the ground, as the fleet made it; by another tour it flies otherwise."""
     programs.program("gcc", "gcc")
