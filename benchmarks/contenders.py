@@ -141,7 +141,12 @@ CONTENDERS: Final[Mapping[str, tuple[str, str, Train]]] = {
 #: settings that are tried, as changes of those that are trained by
 VARIANTS: Final[Mapping[str, tuple[dict[str, Any], ...]]] = {
     "ppo": ({}, {"learning_rate": 1e-3}, {"num_envs": 128}, {"num_envs": 128, "learning_rate": 2e-4}),
-    "sac": ({}, {"learning_rate": 1e-3}, {"gradient_steps": 8}, {"gamma": 0.98}),
+    "sac": (
+        {},
+        {"gamma": 0.995},
+        {"gamma": 0.995, "learning_rate": 1e-3},
+        {"gamma": 0.995, "gradient_steps": 8},
+    ),
     "cma_es": ({}, {"step": 0.3}, {"hidden": 8}, {"hidden": 8, "step": 0.3}),
     "rules": (
         {},

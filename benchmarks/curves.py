@@ -16,6 +16,8 @@ ACROSS: Final = (("periods", "control periods"), ("processor_s", "processor time
 UPWARDS: Final = (("delta_v_m_s", "delta-v (m/s)"), (SUCCESS, "success (%)"))
 #: numbers from here on are written by powers of ten
 MANY: Final = 10_000.0
+#: an axis over a greater ratio than this has fewer labels
+MOST_LABELLED: Final = 400.0
 #: a controller without a budget that the lines are compared with
 REFERENCE: Final = "champion_27"
 
@@ -51,8 +53,9 @@ def draw(rows: Sequence[Mapping[str, Any]], titles: Mapping[str, str], path: Pat
 
 
 def _label(axis: Any) -> None:
-    """Label a logarithmic axis at 1, 2 and 5 times powers of ten."""
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    """Label a logarithmic axis at 1, 2 and 5 times powers of ten, a long one at 1 and 3 times."""
+    low, high = sorted(axis.get_view_interval())
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < MOST_LABELLED * low else (1.0, 3.0)))
     axis.set_major_formatter(
         FuncFormatter(lambda value, _: f"{value:,g}" if value < MANY else f"{value:.0e}")
     )

@@ -115,7 +115,7 @@ SETTINGS: Final[Mapping[str, Settings]] = {
             "batch_size": 256,
             "buffer_size": 200_000,
             "learning_starts": 12_800,
-            "gamma": 0.995,
+            "gamma": 0.98,
             "tau": 0.005,
             "learning_rate": 5e-4,
         },
