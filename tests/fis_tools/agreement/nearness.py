@@ -104,6 +104,9 @@ def strengths_around(inferred: Inference) -> Iterator[Floats]:
         system = twin(system)
         degrees = tuple(map(inference._evaluate_formulas, system.inputs, inferred.clipped))
     generator = np.random.default_rng(7)
+    strengths = inference._fire(system, degrees)
+    for units in (UNITS, -UNITS):  # by chance many would seldom all be whole, or all less
+        yield np.clip(strengths + units * np.spacing(strengths) * (strengths > 0.0), 0.0, 1.0)
     for _ in range(NEIGHBOURS):
         memberships = [
             _shaken(generator, held, variable, is_sampled=system.semantics == "scikit-fuzzy")
