@@ -106,8 +106,7 @@ def _bisector(x: Floats, y: Floats) -> float:
         if y2 == 0.0:
             return float(x2 - np.sqrt((x2 - x1) * (x2 - x1) - 2.0 * rest * (x2 - x1) / y1))
         slope = (y2 - y1) / (x2 - x1)
-        # as scikit-fuzzy's x1 - (y1 - sqrt(...)) / slope, without a difference that heights nearly equal lose
-        return float(x1 + 2.0 * rest / (y1 + np.sqrt(y1 * y1 + 2.0 * slope * rest)))
+        return float(x1 - (y1 - np.sqrt(y1 * y1 + 2.0 * slope * rest)) / slope)
 
 
 DEFUZZIFIERS: dict[str, Callable[[Floats, Floats], float]] = {

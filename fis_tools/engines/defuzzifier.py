@@ -221,7 +221,7 @@ def _polygon_bisector(x: Floats, y: Floats, count: int) -> float:
         middle = x[end] - np.sqrt(width * width - 2.0 * rest * width / h1)
     else:
         slope = (h2 - h1) / width
-        middle = x[end - 1] + 2.0 * rest / (h1 + np.sqrt(h1 * h1 + 2.0 * slope * rest))
+        middle = x[end - 1] - (h1 - np.sqrt(h1 * h1 + 2.0 * slope * rest)) / slope
     return middle
 
 

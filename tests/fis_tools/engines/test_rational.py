@@ -1,13 +1,11 @@
 """What flies against scikit-fuzzy's own steps in rational arithmetic, which rounds nothing."""
 
 from bisect import bisect_right
-from decimal import Decimal, localcontext
 from fractions import Fraction
 
 import numpy as np
 import pytest
 
-from fis_tools.engines import defuzzification, defuzzifier
 from fis_tools.formats import serialize
 from fis_tools.model import And, FuzzySystem, Is, Variable
 from tests.fis_tools.engines.test_kernel_parity import by_kernel
@@ -70,16 +68,3 @@ def test_a_force_is_right_to_its_last_digits(name):
                 assert error <= (1e-15 if abs(force) < 0.5 else 2e-15), (row, force, error)
                 num_compared += 1
     assert num_compared > 6
-
-
-@pytest.mark.parametrize("rise", [0.0, 2**-53, -(2**-53), 2**-50, 1e-12, -1e-9, 1e-3, -0.3, 2.0])
-def test_a_bisector_is_right_however_little_its_heights_differ(rise):
-    """Between (0, h) and (1, h + d) the area left of m is ``h m + d m^2 / 2``: half of it all."""
-    x, y = np.array([0.0, 1.0]), np.array([0.43, 0.43 + rise])
-    with localcontext(prec=60):
-        low, high = (Decimal(float(height)) for height in y)
-        difference, half = high - low, (low + high) / 4
-        root = (low * low + 2 * difference * half).sqrt()
-        expected = float((root - low) / difference) if difference else 0.5
-    assert defuzzification.DEFUZZIFIERS["bisector"](x, y) == pytest.approx(expected, rel=1e-15, abs=0.0)
-    assert defuzzifier._polygon_bisector(x, y, 2) == pytest.approx(expected, rel=1e-15, abs=0.0)
