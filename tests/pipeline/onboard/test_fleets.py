@@ -1,6 +1,7 @@
 """The on-board function of each deputy of a fleet; what others have seen and tell is an input."""
 
 import subprocess
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,6 +24,15 @@ from tests import programs
 WORDS = ["controller=champion_27", "fleet.lost_percent=30", "duration_s=900"]
 FLEET = ["+experiment=evaluate_fleet", *WORDS, "monte_carlo.num_cases=2", "attitude=ideal"]
 MASK = [*FLEET, "fleet.sharing=mask"]
+
+
+def translated_fleet(words: list[str]) -> tuple[Any, ...]:
+    """The mission, controller, on-board program and starts of a fleet."""
+    experiment = compose_experiment(words).experiment
+    mission = experiment.mission
+    controller = load(experiment.controller, mission)
+    translated = program.translate(mission.of_each, controller, fleet=mission.fleet)
+    return mission, controller, translated, evaluation_scenarios(experiment)
 
 
 @pytest.fixture(scope="module")
@@ -64,11 +74,7 @@ def test_what_is_left_to_others_is_decided_on_board(tmp_path, sharing):
     """It tells what the others heard of it, leaves what it left, and flies what it flew, bit for bit."""
     programs.program("gcc", "gcc")
     words = [*FLEET, f"fleet.sharing={sharing}", "fleet.deputies=3", "monte_carlo.parked=true"]
-    experiment = compose_experiment(words).experiment
-    mission = experiment.mission
-    controller = load(experiment.controller, mission)
-    translated = program.translate(mission.of_each, controller, fleet=mission.fleet)
-    scenarios = evaluation_scenarios(experiment)
+    mission, controller, translated, scenarios = translated_fleet(words)
     export.export(translated, scenarios[:1], tmp_path / "c", fleet=mission.fleet)
     library, num_left, num_heard = Library(tmp_path / "c"), 0, 0
     lost = lost_messages(mission, scenarios)
@@ -93,11 +99,7 @@ def test_each_deputy_follows_its_tour_on_board(tmp_path):
     """Its choice comes from the ground, as the fleet made it; by another tour it flies otherwise."""
     programs.program("gcc", "gcc")
     words = [*FLEET, "world=leo", "controller=champion_leo", "duration_s=1800"]
-    experiment = compose_experiment(words).experiment
-    mission = experiment.mission
-    controller = load(experiment.controller, mission)
-    translated = program.translate(mission.of_each, controller, fleet=mission.fleet)
-    scenarios = evaluation_scenarios(experiment)
+    mission, controller, translated, scenarios = translated_fleet(words)
     export.export(translated, scenarios[:1], tmp_path / "c", fleet=mission.fleet)
     library, followed = Library(tmp_path / "c"), set()
     for case in scenarios:
@@ -113,11 +115,7 @@ def test_each_deputy_follows_its_tour_on_board(tmp_path):
 
 def test_nothing_is_left_or_promised_by_what_is_not_fit(tmp_path):
     programs.program("gcc", "gcc")
-    experiment = compose_experiment([*FLEET, "fleet.sharing=nearer"]).experiment
-    mission = experiment.mission
-    controller = load(experiment.controller, mission)
-    translated = program.translate(mission.of_each, controller, fleet=mission.fleet)
-    case = evaluation_scenarios(experiment)[0]
+    mission, controller, translated, (case, *_) = translated_fleet([*FLEET, "fleet.sharing=nearer"])
     export.export(translated, [case], tmp_path / "c", fleet=mission.fleet)
     library = Library(tmp_path / "c")
     log = fly_logged_fleet(mission, controller, case)[0]
@@ -157,11 +155,7 @@ APART = {
 def kept_apart(folder, *words, start="monte_carlo.parked=true"):
     """The C of deputies that are kept apart, its missions, and each flight: inputs, and logs of the fleet."""
     programs.program("gcc", "gcc")
-    experiment = compose_experiment([*FLEET, start, *words]).experiment
-    mission = experiment.mission
-    controller = load(experiment.controller, mission)
-    translated = program.translate(mission.of_each, controller, fleet=mission.fleet)
-    scenarios = evaluation_scenarios(experiment)
+    mission, controller, translated, scenarios = translated_fleet([*FLEET, start, *words])
     exported = export.export(translated, scenarios[:1], folder, fleet=mission.fleet)
     assert exported.num_different == 0
     warned = ["gcc", "-std=c99", *WARNINGS, "-fsyntax-only", folder / "controller.c", folder / "packets.c"]
