@@ -1,10 +1,11 @@
 """What every form must give: the plain definition's numbers, as far as rounding decides nothing.
 
 Forms may round memberships and strengths differently. Where the definition itself answers something else for
-strengths that differ in their last digits, as at a jump, any answer between these is right.
+strengths that differ in their last digits, as at a jump, any answer between these is right. So is any within
+what scikit-fuzzy's formula of the bisector, which the definition has, itself loses to rounding.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from unittest.mock import patch
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from fis_tools.array_types import Floats
 from fis_tools.engines import defuzzification, inference
-from fis_tools.engines.inference import Inference
+from fis_tools.engines.inference import Inference, OutputInference
 from fis_tools.model import FuzzySystem, Variable, fuzzylite_shapes, shapes
 from fis_tools.model.intervals import has_intervals, twin
 
@@ -57,7 +58,7 @@ def is_near(system: FuzzySystem, given: Floats, inferred: Inference) -> bool:
     expected = inferred.values
     if is_equal(system, given, expected):
         return True
-    around = np.array([expected, *neighbours(inferred)])
+    around = np.array([expected, *_within_losses(inferred.outputs, inferred.system), *neighbours(inferred)])
     for index, value in enumerate(given):
         column = around[:, index]
         if not np.isfinite(value):
@@ -121,6 +122,36 @@ def neighbours(inferred: Inference) -> Iterator[Floats]:
         with patch.object(defuzzification, "TIE", TIES[number % len(TIES)]):
             outputs = inference.infer_outputs(inferred.system, firing, inferred.clipped)
         yield np.array([output.value for output in outputs])
+        yield from _within_losses(outputs, inferred.system)
+
+
+def _within_losses(outputs: Sequence[OutputInference], system: FuzzySystem) -> tuple[Floats, ...]:
+    """Outputs at both ends of what rounding in scikit-fuzzy's formulas leaves open; empty if nothing."""
+    values = np.array([output.value for output in outputs])
+    losses = np.array(
+        [
+            _bisector_loss(output)
+            if system.defuzzifier_of(output.variable) == "bisector" and not system.is_sampled
+            else 0.0
+            for output in outputs
+        ]
+    )
+    return (values - losses, values + losses) if losses.any() else ()
+
+
+def _bisector_loss(output: OutputInference) -> float:
+    """How far ``x1 - (y1 - root) / slope`` may lie from its exact value, by the last digits of the root.
+
+    Where heights at a segment's ends differ in their last digits, as at crossings, that is up to its width.
+    """
+    x, y = output.universe, output.aggregated
+    widths, rises = np.diff(x), np.abs(np.diff(y))
+    digits = 4.0 * np.finfo(np.float64).eps * np.maximum(y[:-1], y[1:])
+    slanted = (rises > 0.0) & (np.minimum(y[:-1], y[1:]) > 0.0)
+    losses = np.zeros(len(widths))
+    losses[slanted] = widths[slanted] * np.minimum(digits[slanted] / rises[slanted], 1.0)
+    reached = (x[:-1] - losses <= output.value) & (output.value <= x[1:] + losses)
+    return float(losses[reached].max(initial=0.0))
 
 
 def _shaken(
