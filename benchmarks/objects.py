@@ -76,6 +76,7 @@ def commands() -> list[tuple[str, ...]]:
         (*fleet, "safety=robust", "fleet.keep_apart_m=10", "navigation=fixes", "actuators=real", *FEW),
         ("+experiment=evaluate_fleet", "controller=champion_27_rehearsed", "sun=random", *FEW),
         ("+experiment=evaluate_fleet", "controller=champion_any_sun", "world=leo", *FEW),
+        ("+experiment=evaluate_fleet", "controller=champion_leo", "world=leo", *RECORDED),
     ]
 
 
