@@ -8,7 +8,7 @@ from pipeline.controllers.source import load
 from pipeline.flight.control.controller import ControllerError
 from pipeline.flight.fly.divided import Team, divided_openings
 from pipeline.flight.fly.fleet_logs import fly_logged_fleet
-from pipeline.flight.fly.fleets import fly_all_fleets
+from pipeline.flight.fly.fleets_ahead import fly_all_fleets
 from pipeline.flight.fly.outlooks import at_start, finishing
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.flight.reference.motion import pushed

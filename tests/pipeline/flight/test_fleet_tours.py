@@ -12,7 +12,8 @@ from pipeline.flight.control.law import rehearsed_pushes
 from pipeline.flight.fly.answers import answers_in_turn
 from pipeline.flight.fly.fleet_controllers import check_controller
 from pipeline.flight.fly.fleet_logs import fly_logged_fleet
-from pipeline.flight.fly.fleets import OF_DEPUTIES, Chosen, fly_all_fleets, fly_chosen, looked_ahead
+from pipeline.flight.fly.fleets import OF_DEPUTIES, Chosen, fly_chosen
+from pipeline.flight.fly.fleets_ahead import fly_all_fleets, looked_ahead
 from pipeline.flight.fly.reference import reference_of
 from pipeline.flight.fly.rehearsals import rehearsed_costs
 from pipeline.flight.fly.replanning import foresees
