@@ -40,7 +40,7 @@ def check_controller(mission: Mission, controller: Controller) -> None:
                 )
 
 
-def _check_planning(mission: Mission, controller: RuleController, cure: str) -> None:
+def _check_planning(mission: Mission, controller: Controller, cure: str) -> None:
     """Raise ControllerError for a controller that would plan again as if on board."""
     exact = mission.navigation.mode, mission.actuators.kind, mission.dynamics.model
     if controller.constants[constant("foresight_bare")] > 0.0 and exact != ("perfect", "ideal", "cw"):

@@ -1,7 +1,7 @@
 """One flight of a fleet, logged: each deputy flies again alone, with what the others told it."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -200,5 +200,6 @@ def _fly_heeding(
     if len(chosen.tour_costs):
         logged = logged._replace(tour_costs_m_s=chosen.tour_costs[0, row, np.newaxis])
     if chosen.decisions:
-        logged = logged._replace(**foresight_fields([of_all[row] for of_all in chosen.decisions]))
+        decided: dict[str, Any] = {**foresight_fields([of_all[row] for of_all in chosen.decisions])}
+        logged = logged._replace(**decided)
     return logged
