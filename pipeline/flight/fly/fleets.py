@@ -344,7 +344,7 @@ class Chosen(NamedTuple):
     decisions: tuple[tuple[PlannedDecision, ...], ...] = ()
 
 
-class Part(NamedTuple):
+class FlightPart(NamedTuple):
     """The part of their flights that fleets fly."""
 
     first: int = 0  # sample at which flights begin
@@ -352,7 +352,7 @@ class Part(NamedTuple):
     wanted: Bytes | None = None  # (m D, P padded) 1 for points that each deputy knows as unseen at the first
 
 
-WHOLE = Part()
+WHOLE = FlightPart()
 
 
 def fly_chosen(
@@ -364,7 +364,7 @@ def fly_chosen(
     tracks: NDArray[np.float32] | None = None,
     messages: Messages = NO_MESSAGES,
     safe_in: Mission | None = None,
-    part: Part = WHOLE,
+    part: FlightPart = WHOLE,
     known: Floats | None = None,
 ) -> FleetOutcomes:
     """Fly fleets by what they chose, see `pipeline.flight.fly.fleets_ahead.fly_all_fleets`.
@@ -373,7 +373,7 @@ def fly_chosen(
     ----------
     safe_in : Mission, optional
         Whose safety layer it is, if another's. Parts that begin later leave out what keeps deputies apart.
-    part : Part
+    part : FlightPart
     known : (m D, 6+P or 42+P) array, optional
         Filled with what deputies know at the end, as by `pipeline.flight.fly.population.fly_population`.
     """

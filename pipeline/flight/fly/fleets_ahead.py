@@ -18,7 +18,15 @@ from pipeline.flight.control.law import ahead_stride
 from pipeline.flight.fly.answers import answers_in_turn
 from pipeline.flight.fly.divided import Team, driven, openings_of, team_of
 from pipeline.flight.fly.fleet_controllers import check_controller
-from pipeline.flight.fly.fleets import NO_MESSAGES, WHOLE, Chosen, FleetOutcomes, Messages, Part, fly_chosen
+from pipeline.flight.fly.fleets import (
+    NO_MESSAGES,
+    WHOLE,
+    Chosen,
+    FleetOutcomes,
+    FlightPart,
+    Messages,
+    fly_chosen,
+)
 from pipeline.flight.fly.outlooks import Deputies, at_start, by_then, finishing, room_for_known
 from pipeline.flight.fly.rehearsals import rehearsed_costs
 from pipeline.flight.fly.replanning import (
@@ -171,7 +179,7 @@ class _Planning:
         """Return what all deputies know at a sample, having flown with openings; see `by_then`."""
         mission, rows = self._mission, room_for_known(self._mission.of_each, len(openings))
         so_far = self._following(openings[:, :sample])
-        part = Part(last=sample)
+        part = FlightPart(last=sample)
         fly_chosen(mission, so_far, self._scenarios, self._workers, self._lanes, part=part, known=rows)
         return rows
 
@@ -211,7 +219,7 @@ class _Planning:
             fleet = replace(known.fleet, delay_periods=0)
             known = replace(known, attitude=replace(known.attitude, mode="ideal"), fleet=fleet)
             starts = [fleet for each in deputies for fleet in fleets_of(each.believed, len(each.believed))]
-            part = Part(first=sample, wanted=np.concatenate(left))
+            part = FlightPart(first=sample, wanted=np.concatenate(left))
         chosen = self._following(openings, fleets)
         return fly_chosen(known, chosen, starts, self._workers, self._lanes, safe_in=self._mission, part=part)
 

@@ -11,7 +11,7 @@ from pipeline.flight.control.controller import ControllerError
 from pipeline.flight.control.law import ahead_stride, law_of
 from pipeline.flight.fly.divided import Team, openings_of, team_of
 from pipeline.flight.fly.fleet_logs import fly_logged_fleet
-from pipeline.flight.fly.fleets import OF_DEPUTIES, Chosen, Part, fly_chosen
+from pipeline.flight.fly.fleets import OF_DEPUTIES, Chosen, FlightPart, fly_chosen
 from pipeline.flight.fly.fleets_ahead import fly_all_fleets, looked_ahead
 from pipeline.flight.fly.outlooks import at_start, by_then, finishing, room_for_known
 from pipeline.flight.fly.population import fly_population
@@ -188,14 +188,14 @@ def test_each_log_says_what_was_planned_when(words):
         assert samples == list(range(0, mission.num_controls, period))
         said = [(event.sample, event.text) for event in events(mission.of_each, log.flight, 10.0, controller)]
         assert [sample for sample, text in said if text.startswith("planned: ")] == samples
-        told = [event.text for event in fleet_events(mission, log, mission.fleet.deputies)]
-        assert any(text.startswith("plans are made for all 2 deputies together") for text in told)
+        texts = [event.text for event in fleet_events(mission, log, mission.fleet.deputies)]
+        assert any(text.startswith("plans are made for all 2 deputies together") for text in texts)
         for decision in range(0 if words else len(samples)):  # where nothing keeps deputies apart
             plan, ends = log.flight.foresight_plans[decision, 0], log.flight.foresight_ends_m_s[decision]
             now = plan[plan[:, 0] == samples[decision], 1:].sum(axis=0)
             if np.nanargmin(ends) == COASTING and np.abs(now).max() < mission.deputy.max_force_n:
-                asked = log.flight.force_asked_n[int(samples[decision])]
-                np.testing.assert_allclose(asked, now, atol=1e-12)
+                requested = log.flight.force_asked_n[int(samples[decision])]
+                np.testing.assert_allclose(requested, now, atol=1e-12)
 
 
 def test_fleets_know_their_estimates_and_not_their_errors():
@@ -204,7 +204,7 @@ def test_fleets_know_their_estimates_and_not_their_errors():
     rows, sample = room_for_known(mission.of_each, 4), 30
     coasting = np.tile([0.0, 0.0, 0.0, 1.0], (4, sample, 1))
     chosen = Chosen((finishing(controller),), np.zeros((2, 2), dtype=np.int64), coasting)
-    fly_chosen(mission, chosen, scenarios, 1, part=Part(last=sample), known=rows)
+    fly_chosen(mission, chosen, scenarios, 1, part=FlightPart(last=sample), known=rows)
     each = [start for scenario in scenarios for start in scenario.fleet]
     single = np.empty_like(rows)
     alone = mission.of_each
