@@ -16,7 +16,8 @@ from pipeline.evaluation.after import Aftermath, aftermath, coasting_pairs, join
 from pipeline.evaluation.statistics import Column, Columns, statistic, succeeds
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.fly.fleets import NO_MESSAGES, OF_DEPUTIES, FleetOutcomes, fly_all_fleets
+from pipeline.flight.fly.fleets import NO_MESSAGES, OF_DEPUTIES, FleetOutcomes
+from pipeline.flight.fly.fleets_ahead import fly_all_fleets
 from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.goals.reach import ReachOutcomes
 from pipeline.flight.state.arrays import NUM_PLACED, NUM_TRACKED, TRACK_LEFT

@@ -222,6 +222,12 @@ def translate(
             "leave it out"
         )
     designed, flown, plans = controller, controller, foresees(controller) and not rules_alone
+    if plans and fleet.deputies > 1:
+        raise NotTranslatableError(
+            f"{controller.name!r} plans on board for one deputy, and fleet.deputies is {fleet.deputies}; add "
+            "--bare, with which each takes its part of the fleet's plans as an input, or leave "
+            "fleet.deputies out"
+        )
     if plans:
         flown, controller = bare(designed), finishing(designed)
     world, law = pack_world(mission), law_of(controller, mission)

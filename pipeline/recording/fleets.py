@@ -13,9 +13,14 @@ from pipeline.settings.experiment import Mission
 def fleet_events(mission: Mission, log: DeputyLog, num_deputies: int) -> list[Event]:
     """Return what a deputy left to others, when it had nothing else to do, and who saw what, by time.
 
-    If it rehearsed tours, also that the fleet chose them together.
+    If it rehearsed tours, or planned, also that the fleet chose together.
     """
-    happened = [*_touring(log, num_deputies), *_leaving(mission, log), *_idling(log)]
+    happened = [
+        *_touring(log, num_deputies),
+        *_planning(log, num_deputies),
+        *_leaving(mission, log),
+        *_idling(log),
+    ]
     happened.append(_shares(log, num_deputies))
     return sorted(happened, key=lambda event: event.sample)
 
@@ -25,6 +30,13 @@ def _touring(log: DeputyLog, num_deputies: int) -> Iterator[Event]:
     if len(log.flight.tour_costs_m_s):
         words = f"the cheapest for all {num_deputies} deputies together, beside the tours of the others"
         yield Event(0, "info", f"this tour is {words}")
+
+
+def _planning(log: DeputyLog, num_deputies: int) -> Iterator[Event]:
+    """Yield what the decisions of foresight are about, if there are any."""
+    if len(log.flight.foresight_at):
+        words = f"plans are made for all {num_deputies} deputies together: this deputy's part is told, and"
+        yield Event(0, "info", f"{words} what all cost, and leave unseen")
 
 
 def _leaving(mission: Mission, log: DeputyLog) -> Iterator[Event]:

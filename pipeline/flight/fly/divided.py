@@ -2,26 +2,26 @@
 
 A plan is priced as for one deputy (`pipeline.flight.fly.foresight`), but for points that the plans of others
 show, and for coming too near to them. Each deputy is first once: it plans as if alone, then the others
-answer, until nobody gains. From these plans a search over those of all deputies together begins.
+answer, until nobody gains. From these plans a search over those of all deputies together begins. Where plans
+are made again, what is left of the last ones is flown on if it is still nearly good enough, and otherwise
+among those that the search begins with.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from fis_tools.engines.kernel import FEW_LANES
 from pipeline.array_types import Booleans, Floats
-from pipeline.flight.control.controller import RuleController
+from pipeline.flight.fly.aboard import SLACK_M_S
 from pipeline.flight.fly.foresight import Outlook, lead
 from pipeline.flight.fly.joint import JointOutlook, joint_outlook, price_together, search_together
-from pipeline.flight.fly.outlooks import Deputies, at_start
+from pipeline.flight.fly.outlooks import Deputies
 from pipeline.flight.fly.pushes import Effort
 from pipeline.flight.fly.replanning import FIRST, pushes_of
-from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.bounds import stops_apart
 from pipeline.settings.experiment import Mission
-from pipeline.threads import in_threads
 
 #: most rounds of answers, and the least gain that goes on, m/s
 MOST_ROUNDS, LEAST_GAIN_M_S = 3, 1e-4
@@ -43,16 +43,33 @@ class Team:
         Of each, and the points that must be seen.
     apart_m : float
         How far plans keep any two apart; 0: not at all.
+    last : (D, 4 pushes - 1), optional
+        Genes of what the last plans would still fire.
+
+    Attributes
+    ----------
+    searches : list of Effort
+        Those made so far.
     """
 
     deputies: Deputies
     outlooks: Sequence[tuple[Outlook, int]]
     apart_m: float = 0.0
+    last: Floats | None = None
+    searches: list[Effort] = field(default_factory=list, init=False)
 
     @property
     def num_pushes(self) -> int:
         """How many pushes each plans."""
         return self.deputies.num_pushes
+
+    @cached_property
+    def is_held(self) -> bool:
+        """Whether what is left of the last plans is still nearly good enough, as that of one deputy is."""
+        if self.last is None:
+            return False
+        spent = np.abs(self.last[:, : 3 * self.num_pushes]).sum()
+        return self.price(self.last) <= spent * self.outlooks[0][0].delta_v_per_force + SLACK_M_S
 
     @cached_property
     def apart(self) -> Floats:
@@ -61,10 +78,18 @@ class Team:
         away = np.linalg.norm(starts[:, np.newaxis] - starts, axis=2)
         return np.minimum(away, self.apart_m)
 
+    @property
+    def num_priced(self) -> int:
+        """How many plans were priced, of one deputy or of all together."""
+        return sum(search.num_priced for search in self.searches)
+
     def divided(self) -> Floats:
-        """Return the genes of the cheapest plans together, (D, 4 pushes - 1)."""
+        """Return the genes of the cheapest plans together, (D, 4 pushes - 1); of the last, if these hold."""
+        if self.last is not None and self.is_held:
+            return self.last
         count = len(self.outlooks)
-        answers = sorted((self.answered(first) for first in range(count)), key=self.price)
+        plans = [self.answered(first) for first in range(count)]
+        answers = sorted(plans if self.last is None else [*plans, self.last], key=self.price)
         known = np.array([genes.ravel() for genes in answers])
         together = self._searched(range(count), known, answers[0], (count,), self.outlooks)
         return min(answers[0], together, key=self.price)
@@ -117,12 +142,14 @@ class Team:
         paths = [self._path(other, genes[other]) for other in others]
         starts = [[*s.position_m, *s.velocity_m_s, s.sun_angle_rad] for s in self.deputies.believed]
         words = np.array(starts).view(np.uint32).ravel().tolist()
+        effort = FIRST[self.num_pushes] if len(movers) == 1 else TOGETHER
+        self.searches.append(effort)
         return search_together(
             [outlook for outlook, _ in outlooks],
             self.num_pushes,
             outlooks[0][1],
             self.deputies.constant("foresight_reach_m_s"),
-            FIRST[self.num_pushes] if len(movers) == 1 else TOGETHER,
+            effort,
             np.random.default_rng(np.random.SeedSequence(words, spawn_key=key)),
             known,
             np.array(paths).reshape(len(others), *outlooks[0][0].free.shape),
@@ -166,44 +193,41 @@ class Team:
         return np.asarray(is_seen.any(axis=0))
 
 
-def team_of(mission: Mission, controller: RuleController, scenario: Scenario) -> Team:
-    """Return the deputies of a fleet at its start, as they plan together."""
-    alone, apart_m = mission.of_each, mission.fleet.keep_apart_m
-    deputies = at_start(alone, alone, controller, list(scenario.fleet), 0, FEW_LANES)
-    return Team(deputies, deputies.outlooks(), apart_m + APART_MARGIN_M if apart_m > 0.0 else 0.0)
+def team_of(mission: Mission, deputies: Deputies, last: Floats | None = None) -> Team:
+    """Return the deputies of one fleet as they plan together: each tells the others all that it knows.
 
-
-def divided_openings(
-    mission: Mission, controller: RuleController, scenarios: list[Scenario], workers: int | None = 1
-) -> Floats:
-    """Return the planned forces of fleets, (m D, K, 4), with nothing fired after them.
-
-    Scenarios are those of `Scenario.fleet`.
+    Plans are priced by the errors of the one that knows least. `last` is that of a `Team`.
     """
-
-    def plan(scenario: Scenario) -> Floats:
-        """Return the forces of a fleet, (D, K, 4)."""
-        team = team_of(mission, controller, scenario)
-        return np.array([_opening(team.deputies, genes) for genes in team.divided()])
-
-    return np.concatenate(in_threads(plan, scenarios, workers=workers))
-
-
-def _opening(deputies: Deputies, genes: Floats) -> Floats:
-    """Return the forces of a plan, (K, 4), large ones over several periods, and of coasting after it."""
-    opening = np.zeros((deputies.world.num_controls, 4))
-    opening[:, 3] = 1.0
-    for begin, *force in pushes_of(genes, deputies):
-        for axis, part in enumerate(force):
-            periods = max(1, int(np.ceil(abs(part) / deputies.most_force - 1e-9)))
-            opening[int(begin) : int(begin) + periods, axis] += part / periods
-    return opening
+    least = int(deputies.spreads_m.argmax())
+    count, left = len(deputies.believed), deputies.left
+    pooled = replace(
+        deputies,
+        spreads_m=np.full(count, deputies.spreads_m[least]),
+        covariances=np.repeat(deputies.covariances[least : least + 1], count, axis=0),
+        left=None if left is None else np.repeat(left.min(axis=0, keepdims=True), count, axis=0),
+    )
+    apart_m = stops_apart(mission)
+    return Team(pooled, pooled.outlooks(), apart_m + APART_MARGIN_M if apart_m > 0.0 else 0.0, last)
 
 
-def driven(openings: Floats) -> Floats:
-    """Return openings after whose last push the rules decide."""
+def openings_of(deputies: Deputies, plans: Floats) -> Floats:
+    """Return the forces of plans from a sample on, (m, K, 4), large ones over several periods, then coasting.
+
+    `plans` are genes, (m, 4 pushes - 1).
+    """
+    openings = deputies.coasting()
+    for opening, genes in zip(openings, plans, strict=True):
+        for begin, *force in pushes_of(genes, deputies):
+            for axis, part in enumerate(force):
+                periods = max(1, int(np.ceil(abs(part) / deputies.most_force - 1e-9)))
+                opening[int(begin) : int(begin) + periods, axis] += part / periods
+    return openings
+
+
+def driven(openings: Floats, sample: int = 0) -> Floats:
+    """Return openings after whose last push from a sample on the rules decide."""
     changed = openings.copy()
     for opening in changed:
-        fired = np.flatnonzero(np.any(opening[:, :3] != 0.0, axis=1))
-        opening[fired[-1] + 1 if len(fired) else 0 :, 3] = 0.0
+        fired = np.flatnonzero(np.any(opening[sample:, :3] != 0.0, axis=1))
+        opening[sample + (fired[-1] + 1 if len(fired) else 0) :, 3] = 0.0
     return changed

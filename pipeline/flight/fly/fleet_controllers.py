@@ -27,12 +27,7 @@ def check_controller(mission: Mission, controller: Controller) -> None:
     if not isinstance(controller, RuleController | OpenLoopController):
         raise ControllerError(refused + cure)
     if foresees(controller):
-        exact = mission.navigation.mode, mission.actuators.kind, mission.dynamics.model
-        if exact != ("perfect", "ideal", "cw"):
-            raise ControllerError(
-                f"controller {controller.name!r} divides its plans among deputies, once, where all is exact, "
-                f"and here are navigation={exact[0]}, actuators={exact[1]}, dynamics={exact[2]}; {cure}"
-            )
+        _check_planning(mission, controller, cure)
     elif len(rehearsed_pushes(controller)):
         raise ControllerError(refused + cure)
     elif tour_images(controller):
@@ -43,6 +38,17 @@ def check_controller(mission: Mission, controller: Controller) -> None:
                     "rehearse them once, at the start, as they believe all to be; choose a controller that "
                     "does so, such as champion_leo, or leave fleet.deputies out"
                 )
+
+
+def _check_planning(mission: Mission, controller: Controller, cure: str) -> None:
+    """Raise ControllerError for a controller that would plan again as if on board."""
+    exact = mission.navigation.mode, mission.actuators.kind, mission.dynamics.model
+    if controller.constants[constant("foresight_bare")] > 0.0 and exact != ("perfect", "ideal", "cw"):
+        raise ControllerError(
+            f"controller {controller.name!r} plans as on board, by foresight_bare, and fleets do so only "
+            f"where all is exact, and here are navigation={exact[0]}, actuators={exact[1]}, "
+            f"dynamics={exact[2]}; {cure}"
+        )
 
 
 def _check_pilot(fleet: Fleet, controller: PilotController) -> None:

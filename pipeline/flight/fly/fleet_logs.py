@@ -1,7 +1,7 @@
 """One flight of a fleet, logged: each deputy flies again alone, with what the others told it."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,10 +12,12 @@ from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import Controller, PilotController, open_loop
 from pipeline.flight.control.law import law_of
 from pipeline.flight.fly.fleet_controllers import check_controller
-from pipeline.flight.fly.fleets import Chosen, Messages, fly_chosen, looked_ahead, room_for_messages
+from pipeline.flight.fly.fleets import Chosen, Messages, fly_chosen, room_for_messages
+from pipeline.flight.fly.fleets_ahead import looked_ahead
 from pipeline.flight.fly.logged import write_period, write_sample
 from pipeline.flight.fly.many import FlightBatch, is_given, open_with, start_lanes
 from pipeline.flight.fly.population import flights_of
+from pipeline.flight.fly.replanning import foresight_fields
 from pipeline.flight.fly.simulation import completed_log, room_for_log
 from pipeline.flight.fly.workspace import make_state, make_workspace
 from pipeline.flight.period.decide.exchange import choose_lane_target
@@ -154,7 +156,7 @@ def fly_logged_fleet(mission: Mission, controller: Controller, scenario: Scenari
     """
     messages = room_for_messages(mission, 1)
     check_controller(mission, controller)
-    chosen = looked_ahead(mission, controller, [scenario], 1)
+    chosen = looked_ahead(mission, controller, [scenario], 1, records=True)
     fly_chosen(mission, chosen, [scenario], 1, messages=messages)
     each = [chosen.controllers[row] for row in chosen.followed[0]]
     if isinstance(controller, PilotController):
@@ -197,4 +199,7 @@ def _fly_heeding(
     logged = completed_log(alone, world, parts[-1], flights, inspectable, log)
     if len(chosen.tour_costs):
         logged = logged._replace(tour_costs_m_s=chosen.tour_costs[0, row, np.newaxis])
+    if chosen.decisions:
+        decided: dict[str, Any] = {**foresight_fields([of_all[row] for of_all in chosen.decisions])}
+        logged = logged._replace(**decided)
     return logged

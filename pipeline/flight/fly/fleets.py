@@ -16,13 +16,9 @@ from fis_tools.compiled.vectors import borrowed, width_of
 from fis_tools.engines.kernel import LANES
 from fis_tools.processors import num_processors
 from pipeline.array_types import Bytes, Floats, Integers
-from pipeline.flight.cases.navigation import as_believed
 from pipeline.flight.cases.starts import cases_of
-from pipeline.flight.control.controller import Controller, PilotController, RuleController
+from pipeline.flight.control.controller import Controller, PilotController
 from pipeline.flight.control.law import law_of, played
-from pipeline.flight.fly.answers import answers_in_turn
-from pipeline.flight.fly.divided import divided_openings, driven
-from pipeline.flight.fly.fleet_controllers import check_controller
 from pipeline.flight.fly.many import (
     NO_TRACKS,
     FlightBatch,
@@ -30,14 +26,12 @@ from pipeline.flight.fly.many import (
     open_with,
     start_lanes,
     write_fired,
+    write_known,
     write_outcomes,
     write_track,
 )
-from pipeline.flight.fly.outlooks import finishing
 from pipeline.flight.fly.population import flights_of, outcomes_of, shares_of
-from pipeline.flight.fly.rehearsals import rehearsed_costs
-from pipeline.flight.fly.replanning import foresees
-from pipeline.flight.fly.tours import tour_images
+from pipeline.flight.fly.replanning import PlannedDecision
 from pipeline.flight.fly.workspace import make_state, make_workspace
 from pipeline.flight.period.act.apart import Apart, assure_apart, make_apart
 from pipeline.flight.period.decide.exchange import LEAVE, Exchange, begin, heed, pool, share_out
@@ -58,7 +52,7 @@ from pipeline.flight.state.lanes import flight_of
 from pipeline.flight.state.link import Link, arrives
 from pipeline.flight.state.log import Outcomes, Scenario, points_needed
 from pipeline.flight.state.signals import SETTING, URGENCY
-from pipeline.flight.world.bounds import bounds_of, guard_of
+from pipeline.flight.world.bounds import guard_of, stops_apart
 from pipeline.flight.world.pack import pack_world
 from pipeline.flight.world.surface import surface_of
 from pipeline.settings.experiment import Mission
@@ -333,41 +327,10 @@ class FleetOutcomes(Outcomes):
 
 def apart_of(mission: Mission) -> Apart | None:
     """Return how far apart the deputies of a thread's fleets are kept; None where they are not."""
-    fleet = mission.fleet
-    if not fleet.keep_apart_m:
+    fleet, distance = mission.fleet, stops_apart(mission)
+    if not distance > 0.0:
         return None
-    planned = fleet.keep_apart_m + 2.0 * bounds_of(mission.of_each).astray_m
-    return make_apart(pack_world(mission.of_each), fleet.deputies, planned, fleet.delay_periods)
-
-
-def fly_all_fleets(
-    mission: Mission,
-    controller: Controller,
-    scenarios: list[Scenario],
-    workers: int | None = None,
-    tracks: NDArray[np.float32] | None = None,
-    lanes: int = LANES,
-    messages: Messages = NO_MESSAGES,
-) -> FleetOutcomes:
-    """Fly a fleet from the starts of each case, `Scenario.fleet`; arrays of shape (m,).
-
-    Parameters
-    ----------
-    tracks : (m, D, K+1, 3 or 15) float32, optional
-        Filled with the deputies' tracks, see `pipeline.flight.fly.population.fly_population`.
-    messages : Messages, optional
-        Filled with what they tell one another.
-
-    Raises
-    ------
-    ControllerError
-        If the controller plans ahead as if alone.
-    FlightError
-        If a flight's numbers are not finite.
-    """
-    check_controller(mission, controller)
-    chosen = looked_ahead(mission, controller, scenarios, workers, lanes)
-    return fly_chosen(mission, chosen, scenarios, workers, lanes, tracks, messages)
+    return make_apart(pack_world(mission.of_each), fleet.deputies, distance, fleet.delay_periods)
 
 
 class Chosen(NamedTuple):
@@ -377,55 +340,19 @@ class Chosen(NamedTuple):
     followed: Integers  # (m, D) by which of these each deputy flies
     openings: Floats = np.zeros((0, 0, 4))  # (m D, K, 4) forces planned, as `fly_population` takes them
     tour_costs: Floats = np.zeros((0, 0, 0))  # (m, D, tours) see `FleetTours`, if tours are rehearsed
+    # if plans are recorded, by sample, those of the deputies of the only fleet
+    decisions: tuple[tuple[PlannedDecision, ...], ...] = ()
 
 
-def looked_ahead(
-    mission: Mission,
-    controller: Controller,
-    scenarios: list[Scenario],
-    workers: int | None = None,
-    lanes: int = LANES,
-) -> Chosen:
-    """Let fleets look ahead, if their controller does.
+class FlightPart(NamedTuple):
+    """The part of their flights that fleets fly."""
 
-    Each fleet's divided plans are flown ahead, with coasting after them and with the rules after them, beside
-    the rules alone; the cheapest is followed. Tours are flown ahead as the deputies believe starts and
-    mission to be, and chosen by `answers_in_turn`.
-    """
-    deputies = mission.fleet.deputies
-    alike = np.zeros((len(scenarios), deputies), dtype=np.int64)
-    if isinstance(controller, RuleController) and foresees(controller):
-        flown, planned = finishing(controller), divided_openings(mission, controller, scenarios, workers)
-        ways = np.array([planned, driven(planned), np.zeros_like(planned)])
-        ends = [
-            fly_chosen(mission, Chosen((flown,), alike, openings), scenarios, workers, lanes)
-            for openings in ways
-        ]
-        cheapest = np.argmin([rehearsed_costs(controller, end) for end in ends], axis=0)
-        of_each = np.repeat(cheapest, deputies)
-        return Chosen((flown,), alike, np.ascontiguousarray(ways[of_each, np.arange(len(of_each))]))
-    images = tour_images(controller)
-    if not images:
-        return Chosen((controller,), alike)
-    known, believed = _as_believed(mission, scenarios)
-
-    def fly(fleets: Integers, tours: Integers) -> Floats:
-        """Return the costs of some fleets by the tours of their deputies, m/s."""
-        starts = [believed[fleet] for fleet in fleets.tolist()]
-        ends = fly_chosen(known, Chosen(images, tours), starts, workers, lanes, safe_in=mission)
-        return rehearsed_costs(controller, ends)
-
-    answers = answers_in_turn(len(scenarios), deputies, len(images), fly)
-    return Chosen(images, answers.followed, tour_costs=answers.costs)
+    first: int = 0  # sample at which flights begin
+    last: int | None = None  # sample at which they end
+    wanted: Bytes | None = None  # (m D, P padded) 1 for points that each deputy knows as unseen at the first
 
 
-def _as_believed(mission: Mission, scenarios: list[Scenario]) -> tuple[Mission, list[Scenario]]:
-    """Return the mission and the starts of fleets as deputies believe them to be: all messages arrive."""
-    known, each = as_believed(mission, [start for scenario in scenarios for start in scenario.fleet])
-    deputies = mission.fleet.deputies
-    fleets = [each[first : first + deputies] for first in range(0, len(each), deputies)]
-    believed = [replace(first, others=tuple(others)) for first, *others in fleets]
-    return replace(known, fleet=replace(mission.fleet, lost_percent=0.0)), believed
+WHOLE = FlightPart()
 
 
 def fly_chosen(
@@ -437,12 +364,24 @@ def fly_chosen(
     tracks: NDArray[np.float32] | None = None,
     messages: Messages = NO_MESSAGES,
     safe_in: Mission | None = None,
+    part: FlightPart = WHOLE,
+    known: Floats | None = None,
 ) -> FleetOutcomes:
-    """Fly fleets by what they chose, see `fly_all_fleets`; the safety layer is that of `safe_in` if given."""
+    """Fly fleets by what they chose, see `pipeline.flight.fly.fleets_ahead.fly_all_fleets`.
+
+    Parameters
+    ----------
+    safe_in : Mission, optional
+        Whose safety layer it is, if another's. Parts that begin later leave out what keeps deputies apart.
+    part : FlightPart
+    known : (m D, 6+P or 42+P) array, optional
+        Filled with what deputies know at the end, as by `pipeline.flight.fly.population.fly_population`.
+    """
     controller, *_ = chosen.controllers
     safe_in = safe_in or mission
     deputies, alone = mission.fleet.deputies, mission.of_each
     world, law = pack_world(alone)._replace(guard=guard_of(safe_in.of_each)), law_of(controller, alone)
+    world = world._replace(first=part.first, last=world.last if part.last is None else part.last)
     cases = cases_of(alone, [start for case in scenarios for start in case.fleet])
     if isinstance(controller, PilotController):
         forces = controller.pilot.together(alone, [case.fleet for case in scenarios], workers)
@@ -450,7 +389,7 @@ def fly_chosen(
     numbers = replace(
         controller.numbers, values=np.vstack([each.numbers.values for each in chosen.controllers])
     )
-    parts, flights, inspectable = flights_of(world, law, numbers, cases, chosen.openings)
+    parts, flights, inspectable = flights_of(world, law, numbers, cases, chosen.openings, wanted=part.wanted)
     count, num_points = len(scenarios), world.num_points
     num_inspectable = inspectable[::deputies, :num_points].sum(axis=1, dtype=np.int64)
     results = FleetResults(
@@ -463,7 +402,12 @@ def fly_chosen(
     followed, openings = np.ascontiguousarray(chosen.followed.ravel()), chosen.openings
     needed = points_needed(num_inspectable, mission.inspection_threshold_percent).astype(np.float64)
     workers = workers or num_processors()
-    shares = shares_of(count * deputies, lanes // deputies * deputies, workers)
+    whole = lanes // deputies * deputies
+    shares = shares_of(count * deputies, whole, workers)
+    if known is not None:  # it is read from the state at the end of each
+        shares = [
+            (first, min(first + whole, count * deputies)) for first in range(0, count * deputies, whole)
+        ]
     workers, untaken = min(workers, len(shares)), iter(shares)
 
     def fly_shares(exchange: Exchange, state: FlightState, work: Workspace) -> None:
@@ -473,7 +417,7 @@ def fly_chosen(
                 *parts,
                 flights,
                 followed,
-                apart_of(safe_in),
+                apart_of(safe_in) if part.first == 0 else None,
                 exchange,
                 needed,
                 state,
@@ -482,6 +426,10 @@ def fly_chosen(
                 first,
                 last,
             )
+            if known is not None:
+                now = Moment(world, state, first, last - first, world.last)
+                for lane in range(last - first):
+                    write_known(now, lane, parts[-1], known[first + lane])
 
     lost = lost_messages(mission, scenarios)
     exchanges = [make_exchange(world, mission.fleet, lanes, lost) for _ in range(workers)]

@@ -479,27 +479,42 @@ def later(
     mission, flown = deputies.mission, finishing(deputies.controller)
     lead = min(LEAD, sample) if deputies.is_bare else 0
     known_at = sample - lead
-    world = pack_world(mission)._replace(last=known_at)
-    num_points, is_filtered = world.num_points, mission.navigation.mode == "fixes"
-    rows = np.empty((len(scenarios), 6 + num_points + 36 * is_filtered))
+    world, rows = pack_world(mission)._replace(last=known_at), room_for_known(mission, len(scenarios))
     fly_population(
         *(world, law_of(flown, mission), flown.numbers, cases, 1),
         openings=np.ascontiguousarray(openings[:, :known_at]),  # another memory layout would be compiled anew
         lanes=deputies.lanes,
         known=rows,
     )
-    left = np.zeros((len(scenarios), world.points.shape[2]), dtype=np.uint8)
-    left[:, :num_points] = rows[:, 6 : 6 + num_points]
     if lead:
         forces = _commanded(flown, mission, cases, openings, known_at, deputies.lanes)
         for row, force in zip(rows, forces, strict=True):
             predict(deputies.world, row[:6], Three(*force.tolist()), known_at, lead)
+    return by_then(deputies, scenarios, rows, sample, period)
+
+
+def room_for_known(mission: Mission, count: int) -> Floats:
+    """Return room for what deputies know at a sample, see `fly_population`: with covariances, if by fixes."""
+    num_points = pack_world(mission).num_points
+    return np.empty((count, 6 + num_points + 36 * (mission.navigation.mode == "fixes")))
+
+
+def by_then(
+    deputies: Deputies, scenarios: list[Scenario], rows: Floats, sample: int, period: int
+) -> Deputies:
+    """Return deputies at a later sample by what they know then, as `fly_population` writes it, (m, 6+P...).
+
+    The other parameters are those of `later`.
+    """
+    mission, num_points = deputies.mission, deputies.world.num_points
+    left = np.zeros((len(scenarios), deputies.world.points.shape[2]), dtype=np.uint8)
+    left[:, :num_points] = rows[:, 6 : 6 + num_points]
     believed = [
         replace(start, position_m=row[:3], velocity_m_s=row[3:6])
         for start, row in zip(scenarios, rows, strict=True)
     ]
     spreads, covariances = np.zeros(len(scenarios)), np.zeros((len(scenarios), 6, 6))
-    if is_filtered:
+    if mission.navigation.mode == "fixes":
         covariances = rows[:, 6 + num_points :].reshape(-1, 6, 6)
         seconds = period * mission.control_period_s
         spreads = spread_after(mission, sample, covariances, seconds, is_bare=deputies.is_bare)

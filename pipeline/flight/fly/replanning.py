@@ -207,16 +207,10 @@ class _Choice:
             end = FINISHING if (self.openings[0, deputies.sample :, 3] == 0.0).any() else COASTING
             flown = deputies.fly(finishing(deputies.controller), self.openings)
             self.ends[end] = rehearsed_costs(deputies.controller, flown)
-        plans, prices = np.zeros((NUM_RECORDED, MOST_PUSHES, 4)), np.full(NUM_RECORDED, np.nan)
-        plans[..., 0] = -1.0
         seconds = deputies.step * deputies.mission.control_period_s
         distinct = search.distinct(NUM_RECORDED, deputies.world.delta_v_per_force, seconds)
-        for row, (genes, price) in enumerate(zip(*distinct, strict=True)):
-            pushes = pushes_of(genes, deputies)
-            plans[row, : len(pushes)], prices[row] = pushes, price
         missed = int(coasted.inspectable_count[0] - coasted.inspected_count[0])
-        num_priced = int(self._num_priced[0])
-        return PlannedDecision(deputies.sample, num_priced, missed, plans, prices, self.ends[:, 0])
+        return recorded_decision(deputies, int(self._num_priced[0]), missed, *distinct, self.ends[:, 0])
 
     def _held(self, flight: int, num_pushes: int) -> PushSearch | None:
         """Return the rest of the last plan as a search's result, if it is still nearly good enough."""
@@ -302,24 +296,46 @@ class _Choice:
         return coasting, driven
 
     def _last(self, flight: int, num_pushes: int) -> Floats | None:
-        """Return the genes of what the last plan would still fire; None at the start.
-
-        Pushes beyond one now and the next ones later are left out; those in a row are parts of one.
-        """
+        """Return the genes of what the last plan would still fire; None at the start."""
         deputies = self._deputies
         if deputies.sample == 0:
             return None
-        forces, genes = self._before[flight, deputies.sample :, :3], np.zeros(4 * num_pushes - 1)
-        push = 0
-        for index in np.flatnonzero(np.any(forces != 0.0, axis=1)).tolist():
-            is_part = index > 0 and bool(np.any(forces[index - 1]))
-            push += index > 0 and not is_part
-            if push == num_pushes:
-                break
-            genes[3 * push : 3 * push + 3] += forces[index]
-            if push > 0 and not is_part:
-                genes[3 * num_pushes + push - 1] = index / deputies.step + 0.01
-        return genes
+        return left_to_fire(self._before[flight, deputies.sample :, :3], num_pushes, deputies.step)
+
+
+def left_to_fire(forces: Floats, num_pushes: int, step: int) -> Floats:
+    """Return the genes of a plan that fires these forces, (n, 3), N, from now on, (4 num_pushes - 1,).
+
+    Pushes beyond one now and the next ones later are left out; those in a row are parts of one. Plans are
+    priced every `step` control periods.
+    """
+    genes, push = np.zeros(4 * num_pushes - 1), 0
+    for index in np.flatnonzero(np.any(forces != 0.0, axis=1)).tolist():
+        is_part = index > 0 and bool(np.any(forces[index - 1]))
+        push += index > 0 and not is_part
+        if push == num_pushes:
+            break
+        genes[3 * push : 3 * push + 3] += forces[index]
+        if push > 0 and not is_part:
+            genes[3 * num_pushes + push - 1] = index / step + 0.01
+    return genes
+
+
+def recorded_decision(
+    deputies: Deputies,
+    num_priced: int,
+    missed: int,
+    genes: Sequence[Floats] | Floats,
+    prices: Sequence[float] | Floats,
+    ends: Floats,
+) -> PlannedDecision:
+    """Return a decision of deputies between plans, given by their genes and prices, the chosen one first."""
+    plans, all_prices = np.zeros((NUM_RECORDED, MOST_PUSHES, 4)), np.full(NUM_RECORDED, np.nan)
+    plans[..., 0] = -1.0
+    for row, (of_plan, price) in enumerate(zip(genes, prices, strict=True)):
+        pushes = pushes_of(of_plan, deputies)
+        plans[row, : len(pushes)], all_prices[row] = pushes, price
+    return PlannedDecision(deputies.sample, num_priced, missed, plans, all_prices, ends)
 
 
 def pushes_of(genes: Floats, deputies: Deputies) -> Floats:

@@ -10,7 +10,7 @@ from fis_tools.engines.packing import Packed
 from pipeline.flight.cases.starts import Cases
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly import simulation
-from pipeline.flight.fly.fleets import fly_all_fleets
+from pipeline.flight.fly.fleets_ahead import fly_all_fleets
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.goals.reach import ended, judged
 from pipeline.flight.state.arrays import NUM_TRACKED, Law, World

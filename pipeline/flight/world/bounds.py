@@ -79,6 +79,13 @@ def bounds_of(mission: Mission) -> SafetyBounds:
     return _with_tank(mission, known, bounds, actuators)
 
 
+def stops_apart(mission: Mission) -> float:
+    """Return how far apart deputies of fleets are kept where they would stop, m; 0: not at all."""
+    if not mission.fleet.keep_apart_m > 0.0:
+        return 0.0
+    return mission.fleet.keep_apart_m + 2.0 * bounds_of(mission.of_each).astray_m
+
+
 def _with_tank(
     mission: Mission, known: EstimateErrors, constant: SafetyBounds, actuators: RealActuators
 ) -> SafetyBounds:

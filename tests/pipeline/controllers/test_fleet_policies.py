@@ -9,7 +9,8 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.policies import policy_of
 from pipeline.flight.control.controller import ControllerError
 from pipeline.flight.fly.fleet_logs import fly_logged_fleet
-from pipeline.flight.fly.fleets import OF_DEPUTIES, fly_all_fleets
+from pipeline.flight.fly.fleets import OF_DEPUTIES
+from pipeline.flight.fly.fleets_ahead import fly_all_fleets
 from pipeline.gym import Reward
 from pipeline.gym.parallel import MultiInspectionEnv
 from pipeline.scenarios import evaluation_scenarios

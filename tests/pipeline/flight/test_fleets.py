@@ -9,7 +9,8 @@ from scipy.linalg import expm
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load, named
 from pipeline.flight.control.controller import ControllerError, coast
-from pipeline.flight.fly.fleets import OF_DEPUTIES, fly_all_fleets, lost_messages, room_for_messages
+from pipeline.flight.fly.fleets import OF_DEPUTIES, lost_messages, room_for_messages
+from pipeline.flight.fly.fleets_ahead import fly_all_fleets
 from pipeline.flight.fly.reference import reference_of
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.goals.flights import fly_all

@@ -11,6 +11,7 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load
 from pipeline.flight.fly.divided import APART_MARGIN_M, team_of
 from pipeline.flight.fly.joint import joint_outlook, price_together, search_together, too_near
+from pipeline.flight.fly.outlooks import at_start
 from pipeline.flight.fly.prices import price_pushes
 from pipeline.flight.fly.pushes import Effort, search_pushes
 from pipeline.scenarios import evaluation_scenarios
@@ -29,8 +30,9 @@ def teams_of(*words: str, controller="champion_27_rehearsed", deputies=3, count=
         ]
     ).experiment
     mission = experiment.mission
-    rules = load(experiment.controller, mission)
-    return mission, [team_of(mission, rules, scenario) for scenario in evaluation_scenarios(experiment)]
+    rules, alone = load(experiment.controller, mission), mission.of_each
+    fleets = [scenario.fleet for scenario in evaluation_scenarios(experiment)]
+    return mission, [team_of(mission, at_start(alone, alone, rules, list(each), 0, 8)) for each in fleets]
 
 
 def drawn(team, generator, count=1, size_m_s=0.02):

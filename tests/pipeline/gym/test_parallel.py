@@ -12,7 +12,8 @@ import pytest
 
 from pipeline.command_line.config import compose_experiment
 from pipeline.flight.control.controller import open_loop
-from pipeline.flight.fly.fleets import fly_all_fleets, room_for_messages
+from pipeline.flight.fly.fleets import room_for_messages
+from pipeline.flight.fly.fleets_ahead import fly_all_fleets
 from pipeline.flight.state.log import Scenario
 from pipeline.gym import AFRL_WEIGHTED, InspectionEnv, Reward
 from pipeline.gym.parallel import MultiInspectionEnv, MultiReachEnv, MultiSixDofInspectionEnv

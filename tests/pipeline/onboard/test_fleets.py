@@ -113,6 +113,20 @@ def test_each_deputy_follows_its_tour_on_board(tmp_path):
     assert len(followed) > 1
 
 
+@pytest.mark.parametrize("words", [(), ("navigation=fixes", "actuators=real")], ids=" ".join)
+def test_plans_of_fleets_are_an_input_on_board(tmp_path, capsys, words):
+    """The planner in C knows one deputy, so it is refused; each flies its part of what all planned."""
+    programs.program("gcc", "gcc")
+    from pipeline.command_line.cli import main  # noqa: PLC0415
+
+    keys = ["export_c", *FLEET, "controller=champion_27_rehearsed", "duration_s=1800", *words]
+    assert main([*keys, "--flights", "1", "-o", str(tmp_path / "refused")]) != 0
+    said = capsys.readouterr().err
+    assert "plans on board for one deputy, and fleet.deputies is 2; add --bare" in said
+    assert main([*keys, "--bare", "--flights", "1", "-o", str(tmp_path / "c")]) == 0
+    assert "0 of 360 commands of 2 recorded flights differ" in capsys.readouterr().out
+
+
 def test_nothing_is_left_or_promised_by_what_is_not_fit(tmp_path):
     programs.program("gcc", "gcc")
     mission, controller, translated, (case, *_) = translated_fleet([*FLEET, "fleet.sharing=nearer"])

@@ -8,7 +8,8 @@ from fis_tools.formats import serialize
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.flight.control.controller import from_fuzzy
-from pipeline.flight.fly.fleets import OF_DEPUTIES, fly_all_fleets
+from pipeline.flight.fly.fleets import OF_DEPUTIES
+from pipeline.flight.fly.fleets_ahead import fly_all_fleets
 from pipeline.run import artifacts
 from pipeline.scenarios import hard_candidates, training_scenarios, validation_scenarios
 from pipeline.settings.experiment import SettingError
