@@ -58,6 +58,7 @@ def commands() -> list[tuple[str, ...]]:
     """
     evaluate = ("+experiment=evaluate", "controller=champion_27")
     fleet = ("+experiment=evaluate_fleet", "controller=champion_27", "sun=random")
+    planning = ("+experiment=evaluate_fleet", "controller=champion_27_rehearsed", "sun=random")
     champions = sorted(path.stem for path in (conf_folder() / "controller").glob("*champion*.yaml"))
     return [
         ("+experiment=evaluate", "controller=champion_27", "monte_carlo.num_cases=20"),
@@ -74,7 +75,8 @@ def commands() -> list[tuple[str, ...]]:
         (*fleet, *RECORDED),
         (*fleet, "safety=filter", "fleet.keep_apart_m=10", *RECORDED),
         (*fleet, "safety=robust", "fleet.keep_apart_m=10", "navigation=fixes", "actuators=real", *FEW),
-        ("+experiment=evaluate_fleet", "controller=champion_27_rehearsed", "sun=random", *FEW),
+        (*planning, *FEW),
+        (*planning, "navigation=fixes", "actuators=real", *FEW),
         ("+experiment=evaluate_fleet", "controller=champion_any_sun", "world=leo", *FEW),
         ("+experiment=evaluate_fleet", "controller=champion_leo", "world=leo", *RECORDED),
     ]
