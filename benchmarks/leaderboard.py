@@ -30,7 +30,7 @@ from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.statistics import statistic
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.gym.judge import BY_RULES, judge
-from pipeline.gym.suite import TASKS, VERSION
+from pipeline.gym.suite import FLEETS, TASKS, VERSION
 from pipeline.scenarios import validation_scenarios
 from plain_files.document import Document, Table, text
 from plain_files.file_access import write_text
@@ -231,6 +231,11 @@ def main(arguments: Sequence[str]) -> int:
         parser.error(
             f"{', '.join(lacking)} need {package}; install it: python -m pip install {package}, or choose "
             "other learners by -l"
+        )
+    if options.task in FLEETS and (options.seeds or options.tune):
+        parser.error(
+            f"task {options.task} is of fleets, and these learners train one deputy; give --seeds 0, and "
+            f"judge their policies by python -m pipeline.gym.judge --task {options.task}"
         )
     rows = Rows(options.rows or options.folder / "rows.json")
     if options.tune:

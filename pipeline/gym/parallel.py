@@ -279,7 +279,7 @@ def parallel_env(task: str = "fleet") -> MultiInspectionEnv:
     """
     if task not in FLEETS:
         raise ValueError(
-            f"{task!r} is no task of fleets; those are {', '.join(FLEETS)}, and gymnasium.make makes the others"
+            f"{task!r} is no task of fleets; those are {', '.join(FLEETS)}. gymnasium.make makes the others"
         )
     return MultiInspectionEnv(FLEETS[task], NUM_DEPUTIES, REWARDS.get(task, Reward()))
 

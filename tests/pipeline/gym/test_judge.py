@@ -61,9 +61,8 @@ def test_a_function_flies_each_deputy_as_it_does_in_the_environment(task, monkey
         assert {deputy.noise[1] for deputy in start.fleet} == {EVALUATION}
         # parked: a closed ellipse of Clohessy and Wiltshire's equations
         along = [-2.0 * mission.orbit.mean_motion_rad_s * deputy.position_m[0] for deputy in start.fleet]
-        is_parked = np.allclose(
-            [deputy.velocity_m_s for deputy in start.fleet], [(0.0, speed, 0.0) for speed in along], atol=1e-12
-        )
+        closed = [(0.0, speed, 0.0) for speed in along]
+        is_parked = np.allclose([deputy.velocity_m_s for deputy in start.fleet], closed, atol=1e-12)
         assert is_parked == (task == "fleet_parked")
         seen, _ = env.reset(options={"scenarios": start.fleet})
         k = 0
@@ -162,7 +161,7 @@ def test_what_cannot_be_judged_is_refused(capsys) -> None:
     with pytest.raises(SystemExit, match="2"):
         judge.main(["no_such_controller", "--cases", "1"])
     assert "there is no controller no_such_controller" in capsys.readouterr().err
-    with pytest.raises(ControllerError, match=r"task 'fleet' is of 2 deputies; .* plans for one .*such as paper"):
+    with pytest.raises(ControllerError, match=r"'fleet' is of 2 deputies; .* plans for one .*such as paper"):
         judge.judge("lqr", "fleet", num_cases=1)
     with pytest.raises(ValueError, match="'paper' is no task of fleets; those are fleet, "):
         parallel_env("paper")
