@@ -70,7 +70,7 @@ class Settings(Acting):
     weight: float = 10.0
 
 
-SETTINGS: Final = Settings(**{**MINUTE, "silent": 0.005})
+NETWORK: Final = Settings(**{**MINUTE, "silent": 0.005})
 #: how rules were trained, beside their file
 TOLD: Final = "training.json"
 #: decisions at which plans may take over are so many; more make smaller groups of flights
@@ -112,7 +112,7 @@ class Training(ABC):
     """
 
     folder: Path
-    settings: Settings = SETTINGS
+    settings: Settings = NETWORK
     seed: int = 1
     budget: int = 1_000_000
     words: tuple[str, ...] = ()
@@ -273,8 +273,11 @@ class RulesTraining(Training):
         return path
 
 
-#: what learns
-KINDS: Final[Mapping[str, type[Training]]] = {"network": NetworkTraining, "rules": RulesTraining}
+#: what learns, and how unless other settings are given
+KINDS: Final[Mapping[str, tuple[type[Training], Settings]]] = {
+    "network": (NetworkTraining, NETWORK),
+    "rules": (RulesTraining, replace(NETWORK, slack_m_s=0.03)),
+}
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -284,18 +287,12 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--kind", choices=KINDS, default="network", help="what learns")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--budget", type=float, default=1e6, help="control periods")
-    parser.add_argument("--rounds", type=int, default=SETTINGS.rounds, help="of flights")
-    parser.add_argument(
-        "--epochs", type=int, default=SETTINGS.epochs, help="how often a round learns from all"
-    )
-    parser.add_argument(
-        "--slack", type=float, default=SETTINGS.slack_m_s, help="m/s between plans that cost alike"
-    )
+    parser.add_argument("--rounds", type=int, default=NETWORK.rounds, help="of flights")
     parser.add_argument("words", nargs="*", help="of the world, such as sun=random")
     options = parser.parse_args(arguments)
-    settings = replace(SETTINGS, rounds=options.rounds, epochs=options.epochs, slack_m_s=options.slack)
-    kind = KINDS[options.kind]
-    kind(options.folder, settings, options.seed, int(options.budget), tuple(options.words)).run()
+    training, settings = KINDS[options.kind]
+    settings = replace(settings, rounds=options.rounds)
+    training(options.folder, settings, options.seed, int(options.budget), tuple(options.words)).run()
     return 0
 
 

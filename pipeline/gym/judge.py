@@ -218,10 +218,10 @@ def _regret(experiment: Any, controller: Controller, workers: int | None) -> dic
 def table(judged: Sequence[Mapping[str, Any]]) -> str:
     """Return results as a plain table, a column each."""
     rows = [["task", *(str(result["task"]) for result in judged)]]
-    told = {name for result in judged for name in result["figures"]}
-    for name, words, decimals in (each for each in MEANS if each[0] in told):
+    measured = {name for result in judged for name in result["figures"]}
+    for name, words, decimals in (each for each in MEANS if each[0] in measured):
         rows.append([words, *(_mean(result["figures"].get(name), decimals) for result in judged)])
-    for name, words in (each for each in SHARES if each[0] in told):
+    for name, words in (each for each in SHARES if each[0] in measured):
         rows.append([words, *(_share(result["figures"].get(name)) for result in judged)])
     rows.append(
         ["beyond the best plan (m/s)", *(_mean(result["regret"].get("regret_m_s"), 3) for result in judged)]
