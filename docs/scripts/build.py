@@ -15,7 +15,7 @@ from contextlib import redirect_stdout, suppress
 from pathlib import Path
 
 from playwright.sync_api import TimeoutError as PlaywrightTimeout
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import expect, sync_playwright
 
 from docs.scripts import classics, home, pictures
 from docs.scripts.screenshot import browser_found
@@ -89,17 +89,20 @@ def check_searches(site: Path) -> None:
         return
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=program, args=["--no-sandbox", "--disable-gpu"])
+        # in one tab, since each would index all pages anew
+        tab = browser.new_page(viewport={"width": 1400, "height": 900})
+        tab.goto((site / "overview.html").as_uri())
+        asked, hits = tab.locator(".md-search__input"), tab.locator(".md-search-result__item h1")
+        asked.click()
         for words, page in SEARCHES.items():
-            tab = browser.new_page(viewport={"width": 1400, "height": 900})
-            tab.goto((site / "overview.html").as_uri())
-            tab.locator(".md-search__input").click()
+            asked.fill("")
+            expect(hits).to_have_count(0)
             tab.keyboard.type(words)
             try:
                 tab.wait_for_function(IS_FIRST, arg=page, timeout=60_000)
             except PlaywrightTimeout:
-                hits = tab.locator(".md-search-result__item h1").all_inner_texts()
-                sys.exit(f"a search for {words!r} does not find {page} first, but: {', '.join(hits[:3])}")
-            tab.close()
+                first = ", ".join(hits.all_inner_texts()[:3])
+                sys.exit(f"a search for {words!r} does not find {page} first, but: {first}")
         browser.close()
 
 

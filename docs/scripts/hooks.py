@@ -117,8 +117,9 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     for name, (head, rows) in TABLES.items():
         lines = (f"| {' | '.join(row)} |" for row in (head, ("---",) * len(head), *rows))
         markdown = markdown.replace(f"<!-- {name} -->", "\n".join(lines))
-    markdown = markdown.replace("<!-- keys -->", tables_of_keys())
-    markdown = markdown.replace("<!-- messages -->", messages())
+    for name, section in (("keys", tables_of_keys), ("messages", messages)):
+        if (marker := f"<!-- {name} -->") in markdown:
+            markdown = markdown.replace(marker, section())
     return PATCH.sub(lambda named: _patch(named[1]), markdown)
 
 

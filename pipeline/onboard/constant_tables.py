@@ -28,7 +28,8 @@ class ConstantTable:
         self.c_type = "unsigned char" if np.asarray(array.data).dtype == np.uint8 else array.kind
         index = r"\[[^\[\]]*(?:\[[^\[\]]*\][^\[\]]*)*\]"
         accesses = re.compile(rf"(?<![\w>.]){self.name}((?:{index})+)")
-        texts = [text for line in lines for text in accesses.findall(line.text)]
+        naming = (line.text for line in lines if self.name in line.text)  # cheaper than the expression
+        texts = [text for line in naming for text in accesses.findall(line)]
         data = np.asarray(array.data)
         self.data = data.reshape([length for length in data.shape if length != 1] or [1])
         self.is_used, self._columns, self._pattern = bool(texts), [], None

@@ -16,7 +16,8 @@ def private_imports() -> Iterator[tuple[str, str, str]]:
     """Files of the product, with the modules and the names that they import from ``_internal`` folders."""
     for package in PACKAGES:
         for path in sorted((PROJECT / package).rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            text = path.read_text(encoding="utf-8")
+            for node in ast.walk(ast.parse(text)) if "_internal" in text else ():
                 if isinstance(node, ast.ImportFrom) and "_internal" in (node.module or "").split("."):
                     for alias in node.names:
                         yield path.relative_to(PROJECT).as_posix(), str(node.module), alias.name

@@ -14,7 +14,6 @@ import numpy as np
 from pipeline.array_types import Booleans, Floats
 from pipeline.flight.period.act.way_out import SPARE, STEPS, affordable_at
 from pipeline.flight.state.arrays import World
-from pipeline.flight.world.bounds import norm
 from pipeline.physics.motion import ORBIT_PARTS
 
 #: edges of the first cubes and of the last, m
@@ -74,9 +73,13 @@ class _WaysOut:
         self.elements[2, 1], self.elements[2, 3] = 1.0, -2.0 / n
         self.elements[3, 2], self.elements[4, 5] = 1.0, 1.0 / n
         self.looks = _looks(2.0 * pi * np.arange(ORBIT_PARTS) / ORBIT_PARTS - n * world.control_period)
-        paths = _looks(2.0 * pi * np.arange(GAIN_ANGLES) / GAIN_ANGLES) @ self.elements @ self.after
+        looks = _looks(2.0 * pi * np.arange(GAIN_ANGLES) / GAIN_ANGLES)
+        paths = looks.transpose(2, 0, 1) @ self.elements @ self.after
         #: of positions by position, and by velocity, s
-        self.gains = [IN_BETWEEN * max(map(norm, paths[:, :, part])) for part in (np.s_[:3], np.s_[3:])]
+        self.gains = [
+            IN_BETWEEN * float(np.linalg.norm(paths[:, :, part], ord=2, axis=(1, 2)).max())
+            for part in (np.s_[:3], np.s_[3:])
+        ]
 
     def are_open(self, centres: Floats, half: float) -> Booleans:
         """Return whether all starts up to half a diagonal away from each centre, (m, 3), have a way out."""
@@ -88,29 +91,36 @@ class _WaysOut:
 
     def _are_by(self, half_axis: float, centres: Floats, half: float) -> Booleans:
         """Return whether the force that makes a radial half-axis, m, is a way out of each cube."""
-        moved, pushed = self.per_half_axis
-        forces = centres @ self.force[:, :3].T + half_axis * np.array([pushed, 0.0])
+        forces = centres @ self.force[:, :3].T + half_axis * np.array([self.per_half_axis[1], 0.0])
         spreads = half * np.linalg.norm(self.force[:, :3], axis=1)
         spreads += self.speed * np.linalg.norm(self.force[:, 3:], axis=1)
         greatest = np.abs(forces) + spreads
-        is_weak = (greatest <= self.most).all(axis=1) & (greatest.sum(axis=1) <= self.affordable)
-        elements = (centres @ self.after[:, :3].T + half_axis * moved) @ self.elements.T
-        distances = np.linalg.norm(np.einsum("jae,me->mja", self.looks, elements), axis=2)
+        is_open = (greatest <= self.most).all(axis=1) & (greatest.sum(axis=1) <= self.affordable)
+        # paths are dear, and often few cubes can pay
+        is_open[is_open] = self._stay_between(half_axis, centres[is_open], half)
+        return np.asarray(is_open)
+
+    def _stay_between(self, half_axis: float, centres: Floats, half: float) -> Booleans:
+        """Return whether all ellipses of each cube, of one radial half-axis, m, stay between the spheres."""
+        elements = (centres @ self.after[:, :3].T + half_axis * self.per_half_axis[0]) @ self.elements.T
+        x, y, z = elements @ self.looks
+        squares = x * x + y * y + z * z
         spread = self.gains[0] * half + self.gains[1] * self.speed
         size = np.hypot(elements[:, 0], elements[:, 1]) + spread
         swing = np.hypot(elements[:, 3], elements[:, 4]) + spread
         bend = 4.0 * size * (np.abs(elements[:, 2]) + spread) + 4.0 * (1.5 * size**2 + 0.5 * swing**2)
         beyond = 0.5 * (pi / ORBIT_PARTS) ** 2 * bend
-        near, far = np.maximum(distances.min(axis=1) - spread, 0.0), distances.max(axis=1) + spread
+        near = np.maximum(np.sqrt(squares.min(axis=1)) - spread, 0.0)
+        far = np.sqrt(squares.max(axis=1)) + spread
         is_between = (near**2 - beyond >= self.spheres[0] ** 2) & (far**2 + beyond <= self.spheres[1] ** 2)
-        return np.asarray(is_weak & is_between)
+        return np.asarray(is_between)
 
 
 def _looks(angles: Floats) -> Floats:
-    """Return the matrices, (m, 3, 5), from elements of closed ellipses to positions at angles, rad."""
+    """Return, (3, 5, m), what elements of closed ellipses count for in each coordinate at angles, rad."""
     cosine, sine = np.cos(angles), np.sin(angles)
-    looks = np.zeros((len(angles), 3, 5))
-    looks[:, 0, 0], looks[:, 0, 1] = cosine, sine
-    looks[:, 1, 0], looks[:, 1, 1], looks[:, 1, 2] = -2.0 * sine, 2.0 * cosine, 1.0
-    looks[:, 2, 3], looks[:, 2, 4] = cosine, sine
+    looks = np.zeros((3, 5, len(angles)))
+    looks[0, 0], looks[0, 1] = cosine, sine
+    looks[1, 0], looks[1, 1], looks[1, 2] = -2.0 * sine, 2.0 * cosine, 1.0
+    looks[2, 3], looks[2, 4] = cosine, sine
     return looks

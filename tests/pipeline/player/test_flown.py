@@ -1,6 +1,7 @@
 """What a page flies is what the product flies, bit for bit; what no module flies is refused."""
 
 import json
+from functools import cache
 
 import numpy as np
 import pytest
@@ -55,13 +56,18 @@ def shipped(group):
     return sorted(path.stem for path in (conf_folder() / group).glob("*.yaml"))
 
 
-def docks(name):
-    """Return whether a controller is for docking: it is compared in that alone, or flies no inspection."""
+@cache
+def compared_in_docking_alone():
     docking, inspecting = (
         compose_experiment([f"+experiment={name}"]).experiment.compare.controllers
         for name in ("compare_docking", "baselines")
     )
-    if name in set(docking) - set(inspecting):
+    return set(docking) - set(inspecting)
+
+
+def docks(name):
+    """Return whether a controller is for docking: it is compared in that alone, or flies no inspection."""
+    if name in compared_in_docking_alone():
         return True
     try:
         source.named(name, Mission())
