@@ -89,6 +89,19 @@ def by_evolution(changes: Mapping[str, Any], task: str, budget: float, seed: int
     return _policies(folder)
 
 
+def by_imitation(kind: str) -> Train:
+    """Return a training by plans that are imitated, of a network or of rules; see `benchmarks.apprentice`."""
+
+    def train(changes: Mapping[str, Any], task: str, budget: float, seed: int, folder: Path) -> list[Path]:
+        from benchmarks.apprentice import KINDS  # noqa: PLC0415 - imports the rest slowly
+
+        training, settings = KINDS[kind]
+        path = training(folder, replace(settings, **changes), seed, int(budget), TASKS[task]).run()
+        return _policies(folder) if path.suffix == ".onnx" else [path]
+
+    return train
+
+
 def by_search(changes: Mapping[str, Any], task: str, budget: float, seed: int, folder: Path) -> list[Path]:
     """Search readable rules by ``+experiment=train_readable``, from ``controller=aim``, a person's guess.
 
@@ -137,6 +150,8 @@ CONTENDERS: Final[Mapping[str, tuple[str, str, Train]]] = {
     "sac": ("SAC, once a minute", "stable_baselines3", by_baselines("sac")),
     "cma_es": ("CMA-ES, once a minute", "deap", by_evolution),
     "rules": ("27 rules, searched", "deap", by_search),
+    "imitation": ("network imitating plans, once a minute", "sklearn", by_imitation("network")),
+    "imitated_rules": ("up to 27 rules, imitating plans", "sklearn", by_imitation("rules")),
 }
 #: settings that are tried, as changes of those that are trained by
 VARIANTS: Final[Mapping[str, tuple[dict[str, Any], ...]]] = {
@@ -153,5 +168,12 @@ VARIANTS: Final[Mapping[str, tuple[dict[str, Any], ...]]] = {
         {"population_size": 21},
         {"population_size": 21, "initial_step": 0.1},
         {"population_size": 21, "initial_step": 0.025},
+    ),
+    "imitation": ({}, {"weight": 1.0}, {"weight": 3.0}, {"weight": 3.0, "margin_m": 15.0}),
+    "imitated_rules": (
+        {},
+        {"slack_m_s": 0.01},
+        {"slack_m_s": 0.01, "first_share": 1.0},
+        {"slack_m_s": 0.01, "silent": 0.02},
     ),
 }

@@ -30,7 +30,7 @@ from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.statistics import statistic
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.gym.judge import BY_RULES, judge
-from pipeline.gym.suite import TASKS, VERSION
+from pipeline.gym.suite import FLEETS, TASKS, VERSION
 from pipeline.scenarios import validation_scenarios
 from plain_files.document import Document, Table, text
 from plain_files.file_access import write_text
@@ -52,6 +52,8 @@ COLUMNS: Final[Mapping[str, tuple[str, int]]] = {
     "stays_orbit": ("stays an orbit (%)", 1),
     "regret_m_s": ("beyond the best plan (m/s)", 3),
 }
+#: between which their means are, if not shares
+LIMITS: Final = {"delta_v_m_s": (0.0, np.inf), "regret_m_s": (-np.inf, np.inf)}
 Interval = tuple[float, float | None, float | None]
 
 
@@ -73,7 +75,7 @@ def over_trainings(each: Sequence[Mapping[str, Interval]]) -> dict[str, Interval
     """Return the mean over trainings with its 95 % interval; none of a single one."""
     figures: dict[str, Interval] = {}
     for name in each[0]:
-        limits = (0.0, 100.0) if COLUMNS[name][0].endswith("(%)") else (-np.inf, np.inf)
+        limits = LIMITS.get(name, (0.0, 100.0))
         spread = statistic(np.array([training[name][0] for training in each]), 95.0, *limits)
         figures[name] = (spread.mean, spread.low, spread.high)
     return figures
@@ -231,6 +233,11 @@ def main(arguments: Sequence[str]) -> int:
         parser.error(
             f"{', '.join(lacking)} need {package}; install it: python -m pip install {package}, or choose "
             "other learners by -l"
+        )
+    if options.task in FLEETS and (options.seeds or options.tune):
+        parser.error(
+            f"task {options.task} is of fleets, and these learners train one deputy; give --seeds 0, and "
+            f"judge their policies by python -m pipeline.gym.judge --task {options.task}"
         )
     rows = Rows(options.rows or options.folder / "rows.json")
     if options.tune:

@@ -31,7 +31,7 @@ from pipeline.settings.groups import names_of
 #: what is composed where nothing else is asked for: nothing of it is flown but the world
 BASE: Final = ("+experiment=evaluate", "controller=coast")
 #: keys of the starts that are drawn, in the group monte_carlo
-DRAWN: Final = ("min_distance_m", "max_distance_m", "max_speed_m_s", "directions", "box")
+DRAWN: Final = ("min_distance_m", "max_distance_m", "max_speed_m_s", "directions", "box", "parked")
 #: groups and keys of the configuration that episodes depend on
 OBEYED: Final = {"world", "sun", *names_of(Mission), *(f"monte_carlo.{name}" for name in DRAWN)}
 #: first part of the spawn key of starts, beside those of `pipeline.scenarios`

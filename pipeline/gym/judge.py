@@ -9,7 +9,7 @@ import argparse
 import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,14 +22,15 @@ from pipeline.controllers.source import named, sha256_of
 from pipeline.evaluation.beside_optimum import beside_optimum, summarise_times
 from pipeline.evaluation.comparison import percent_ahead
 from pipeline.evaluation.monte_carlo import SUCCESS, episode_columns, fly_cases, fly_followed, summarise
-from pipeline.evaluation.statistics import statistic
+from pipeline.evaluation.statistics import fraction, statistic, succeeds
 from pipeline.flight.control.controller import Controller, ControllerError, PilotController
 from pipeline.flight.control.law import played
+from pipeline.flight.fly.stepped_fleet import SteppedFleet
 from pipeline.flight.fly.stepping import SteppedFlights
 from pipeline.flight.state.arrays import Plans
 from pipeline.flight.state.log import Scenario
 from pipeline.gym.episodes import Reward, Task
-from pipeline.gym.suite import TASKS, VERSION, seed_of
+from pipeline.gym.suite import COLLISION_M, FLEETS, NUM_DEPUTIES, TASKS, VERSION, seed_of
 from pipeline.optimum.solved import IncomparableError, solved_for
 from pipeline.run import maker
 from pipeline.run.artifacts import ArtifactError
@@ -40,10 +41,20 @@ from plain_files.file_access import write_text
 
 NUM_CASES: Final = 1000
 CONFIDENCE_PERCENT: Final = 95.0
+#: fleets that are stepped side by side by a function
+BESIDE: Final = 64
 #: what is told of the flights: the name in the file, that in the columns of an evaluation, words, decimals
-MEANS: Final = (("delta_v_m_s", "delta-v (m/s)", 3), ("inspection_rate_percent", "inspected (%)", 2))
+MEANS: Final = (
+    ("delta_v_m_s", "delta-v (m/s)", 3),
+    ("inspection_rate_percent", "inspected (%)", 2),
+    ("nearest_pair_m", "nearest two deputies (m)", 1),
+)
+#: of fleets, the shares in which two deputies come near enough to collide, and of success without
+COLLIDED, APART = "collided", "success_apart"
 SHARES: Final = (
     (SUCCESS, "success (%)"),
+    (APART, "success, no collision (%)"),
+    (COLLIDED, f"within {COLLISION_M:g} m of another (%)"),
     ("violated", "outside the limits (%)"),
     ("stays_orbit", "stays an orbit (%)"),
     ("passively_safe", "passively safe (%)"),
@@ -67,20 +78,40 @@ class ActingPilot:
 
     def __call__(self, mission: Mission, scenarios: list[Scenario], workers: int | None) -> Plans:
         """Return the plans of flights from some starts, stepped side by side."""
-        is_tilted = any(scenario.sun_elevation_rad != 0.0 for scenario in scenarios)
-        flights = SteppedFlights(mission, len(scenarios), is_tilted=is_tilted)
-        for flight, scenario in enumerate(scenarios):
-            flights.start(flight, scenario)
-        forces = np.zeros((len(scenarios), mission.num_controls, 3))
-        flights.step(np.zeros((len(scenarios), 3)))
-        for k in range(mission.num_controls):
-            forces[:, k] = self.task.forces(self.act(flights.seen), len(scenarios))
-            flights.step(forces[:, k])
-        return played(forces)
+        return played(self._fired(mission, [scenarios], SteppedFlights)[0])
 
     def together(self, mission: Mission, fleets: Sequence[Sequence[Scenario]], workers: int | None) -> Floats:
-        """Refuse it: no task is of a fleet."""
-        raise ControllerError("a function of observations flies one deputy; leave fleet.deputies out")
+        """Return the forces of the deputies of fleets, (m, D, K, 3), of which each asks for its own."""
+        parts = [
+            self._fired(mission, fleets[first : first + BESIDE], SteppedFleet)
+            for first in range(0, len(fleets), BESIDE)
+        ]
+        return np.concatenate(parts)
+
+    def _fired(
+        self, mission: Mission, groups: Sequence[Sequence[Scenario]], stepped: type[SteppedFlights]
+    ) -> Floats:
+        """Step groups of as many flights side by side; return their forces, (m, n, K, 3), N, Hill axes."""
+        flown = [_started(stepped, mission, group) for group in groups]
+        forces = np.zeros((len(groups), len(groups[0]), mission.num_controls, 3))
+        for k in range(mission.num_controls):
+            seen = np.concatenate([flights.seen for flights in flown])
+            forces[:, :, k] = self.task.forces(self.act(seen), len(seen)).reshape(len(groups), -1, 3)
+            for flights, commanded in zip(flown, forces[:, :, k], strict=True):
+                flights.step(commanded)
+        return forces
+
+
+def _started(
+    stepped: type[SteppedFlights], mission: Mission, scenarios: Sequence[Scenario]
+) -> SteppedFlights:
+    """Return flights at their first sample."""
+    is_tilted = any(scenario.sun_elevation_rad != 0.0 for scenario in scenarios)
+    flights = stepped(mission, len(scenarios), is_tilted=is_tilted)
+    for flight, scenario in enumerate(scenarios):
+        flights.start(flight, scenario)
+    flights.step(np.zeros((len(scenarios), 3)))
+    return flights
 
 
 def judge(
@@ -95,7 +126,8 @@ def judge(
     ----------
     what : Controller, callable or str
         A controller, its name or the path of its file; or a function from observations, (n, 19) float32, to
-        actions, (n, 3), as `pipeline.gym.vector.InspectionVectorEnv` takes them.
+        actions, (n, 3), as `pipeline.gym.vector.InspectionVectorEnv` takes them. Of a fleet it flies each
+        deputy.
     task : str
         Of `TASKS`.
     num_cases : int
@@ -128,8 +160,16 @@ def judge(
     else:
         controller = what
     scenarios = evaluation_scenarios(experiment)
-    outcomes, after = fly_followed(mission, controller, scenarios, workers)
-    summary = summarise(episode_columns(mission, scenarios, outcomes, after), CONFIDENCE_PERCENT)
+    try:
+        outcomes, after = fly_followed(mission, controller, scenarios, workers)
+    except ControllerError as error:
+        if task not in FLEETS:
+            raise
+        raise ControllerError(
+            f"task {task!r} is of {NUM_DEPUTIES} deputies; {error}, or take a task of one, such as paper"
+        ) from error
+    columns = episode_columns(mission, scenarios, outcomes, after)
+    summary = summarise(columns, CONFIDENCE_PERCENT) | (_apart(columns) if task in FLEETS else {})
     shown = [name for name, *_ in (*MEANS, *SHARES) if name in summary]
     ahead = percent_ahead(summary)
     return {
@@ -145,6 +185,16 @@ def judge(
         "regret": _regret(replace(experiment, seed=1), controller, workers),
         "product": maker.product_version(),
     }
+
+
+def _apart(columns: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    """Return the shares of fleets in which two deputies come too near to each other, and of success without.
+
+    An environment's episode ends with a collision; here fleets fly on, so that all of them are told.
+    """
+    has_collided = columns["nearest_pair_m"] < COLLISION_M
+    shares = {COLLIDED: has_collided, APART: succeeds(columns) & ~has_collided}
+    return {name: asdict(fraction(is_so, CONFIDENCE_PERCENT)) for name, is_so in shares.items()}
 
 
 def _regret(experiment: Any, controller: Controller, workers: int | None) -> dict[str, Any]:
@@ -168,9 +218,10 @@ def _regret(experiment: Any, controller: Controller, workers: int | None) -> dic
 def table(judged: Sequence[Mapping[str, Any]]) -> str:
     """Return results as a plain table, a column each."""
     rows = [["task", *(str(result["task"]) for result in judged)]]
-    for name, words, decimals in MEANS:
+    measured = {name for result in judged for name in result["figures"]}
+    for name, words, decimals in (each for each in MEANS if each[0] in measured):
         rows.append([words, *(_mean(result["figures"].get(name), decimals) for result in judged)])
-    for name, words in SHARES:
+    for name, words in (each for each in SHARES if each[0] in measured):
         rows.append([words, *(_share(result["figures"].get(name)) for result in judged)])
     rows.append(
         ["beyond the best plan (m/s)", *(_mean(result["regret"].get("regret_m_s"), 3) for result in judged)]

@@ -19,6 +19,7 @@ from pipeline.flight.state.log import Scenario
 from pipeline.gym.env import Observation, ReachEnv, ReachReward, require_episode
 from pipeline.gym.episodes import AFRL, Episodes, Reward, Task, obeyed, task_of
 from pipeline.gym.six_dof import AFRL_SIX_DOF, AFRL_SIX_DOF_FLEET, SixDofInspectionEnv, SixDofReward
+from pipeline.gym.suite import COLLISION_M, FLEETS, NUM_DEPUTIES, REWARDS
 from pipeline.scenarios import PRIORITY, direction_of
 
 try:
@@ -68,7 +69,7 @@ class DeputiesEnv(ParallelEnv[str, Observation, NDArray[Any]], ABC):  # type: ig
         self.possible_agents = [f"deputy_{number}" for number in range(num_deputies)]
         self.agents: list[str] = []
         self.render_mode = None
-        self._collision_m, self._as_published = collision_m, as_published
+        self.collision_m, self._as_published = collision_m, as_published
         self._generator = np.random.default_rng()
         self._is_over: bool | None = None  # before the first episode
 
@@ -156,7 +157,7 @@ class DeputiesEnv(ParallelEnv[str, Observation, NDArray[Any]], ABC):  # type: ig
 
     @property
     def _has_collided(self) -> bool:
-        return self.nearest_pair_m < self._collision_m
+        return self.nearest_pair_m < self.collision_m
 
     def _seen(self) -> dict[str, Observation]:
         return dict(zip(self.possible_agents, self._observations, strict=True))
@@ -223,7 +224,7 @@ class MultiInspectionEnv(DeputiesEnv):
         overrides: Sequence[str] = ("world=afrl",),
         num_deputies: int = 2,
         reward: Reward = AFRL,
-        collision_m: float = 10.0,
+        collision_m: float = COLLISION_M,
         *,
         as_published: bool = False,
         levels_n: float | None = None,
@@ -261,6 +262,26 @@ class MultiInspectionEnv(DeputiesEnv):
         facts = self._episodes.facts | {"num_seen_first": self._flights.seen_first}
         each = range(len(self.possible_agents))
         return [{name: float(values[deputy]) for name, values in facts.items()} for deputy in each]
+
+
+def parallel_env(task: str = "fleet") -> MultiInspectionEnv:
+    """Make the environment of a fleet's task, whose held-out starts `pipeline.gym.judge` flies.
+
+    Parameters
+    ----------
+    task : str
+        Of `pipeline.gym.suite.FLEETS`.
+
+    Raises
+    ------
+    ValueError
+        If there is no such task of fleets.
+    """
+    if task not in FLEETS:
+        raise ValueError(
+            f"{task!r} is no task of fleets; those are {', '.join(FLEETS)}. gymnasium.make makes the others"
+        )
+    return MultiInspectionEnv(FLEETS[task], NUM_DEPUTIES, REWARDS.get(task, Reward()))
 
 
 #: of AFRL's docking by several: too much speed costs a hundredth of what it does for one, and a bit more

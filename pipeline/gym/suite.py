@@ -1,7 +1,8 @@
 """The tasks that results are compared on: what each is, as which environment, and its held-out starts.
 
 A version fixes them. ``gymnasium.make("pipeline.gym:Inspection/paper-v1")`` makes a task's environment, to
-train in; `pipeline.gym.judge` flies the held-out starts.
+train in, ``pipeline.gym.parallel.parallel_env("fleet")`` that of a fleet; `pipeline.gym.judge` flies the
+held-out starts.
 """
 
 import hashlib
@@ -18,6 +19,18 @@ NUMBER: Final = "v1"
 VERSION: Final = f"{FAMILY}-{NUMBER}"
 #: three orbits of the paper's chief, s
 THREE_ORBITS_S: Final = 18_360
+#: deputies of a fleet, and how near two of them collide, m, as AFRL's do
+NUM_DEPUTIES, COLLISION_M = 2, 10.0
+#: the tasks of fleets, by what each of their deputies flies in; at rest and parked, and as AFRL's deputies
+FLEETS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "fleet": ("sun=random",),
+        "fleet_parked": ("sun=random", "monte_carlo.parked=true"),
+        "fleet_afrl": ("world=afrl",),
+    }
+)
+#: how they fly together: each knows at once which points any has seen, and no more, as in environments
+TOGETHER: Final = (f"fleet.deputies={NUM_DEPUTIES}", "fleet.sharing=mask")
 #: what each task is, as on the command line
 TASKS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {
@@ -29,10 +42,13 @@ TASKS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "afrl": ("world=afrl",),
         "afrl_weighted": ("world=afrl_weighted",),
         "docking": ("problem=docking",),
+        **{task: (*words, *TOGETHER) for task, words in FLEETS.items()},
     }
 )
 #: rewards of tasks that have one of their own
-REWARDS: Final[Mapping[str, Reward]] = MappingProxyType({"afrl": AFRL, "afrl_weighted": AFRL_WEIGHTED})
+REWARDS: Final[Mapping[str, Reward]] = MappingProxyType(
+    {"afrl": AFRL, "afrl_weighted": AFRL_WEIGHTED, "fleet_afrl": AFRL}
+)
 
 
 def seed_of(task: str) -> int:
@@ -41,13 +57,15 @@ def seed_of(task: str) -> int:
 
 
 def id_of(task: str) -> str:
-    """Return the id of a task's environment in Gymnasium's registry."""
+    """Return the id of a task's environment in Gymnasium's registry, which has none of fleets."""
     return f"{FAMILY}/{task}-{NUMBER}"
 
 
 def register() -> None:
-    """Register the environments of all tasks."""
+    """Register the environments of all tasks of one deputy."""
     for task, overrides in TASKS.items():
+        if task in FLEETS:
+            continue
         kwargs: dict[str, Any] = {"overrides": overrides}
         if any(word.startswith("problem=") for word in overrides):
             gymnasium.register(id_of(task), entry_point="pipeline.gym.env:ReachEnv", kwargs=kwargs)

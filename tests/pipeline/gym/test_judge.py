@@ -7,7 +7,11 @@ import pytest
 
 from pipeline.command_line.cli import main as pipeline
 from pipeline.command_line.config import compose_experiment
+from pipeline.evaluation.monte_carlo import SUCCESS
+from pipeline.flight.control.controller import ControllerError
 from pipeline.gym import InspectionVectorEnv, judge
+from pipeline.gym.parallel import MultiInspectionEnv, parallel_env
+from pipeline.gym.suite import FLEETS, NUM_DEPUTIES, REWARDS
 from pipeline.run import artifacts, tables
 from pipeline.scenarios import EVALUATION, evaluation_scenarios
 
@@ -40,6 +44,71 @@ def test_a_function_flies_what_it_flies_in_the_environment() -> None:
     assert result["controller"]["name"] == "act"
     # starts of environments have another place in the spawn key
     assert {start.noise[1] for start in starts} == {EVALUATION}
+
+
+@pytest.mark.parametrize("task", FLEETS)
+def test_a_function_flies_each_deputy_as_it_does_in_the_environment(task, monkeypatch) -> None:
+    """The same forces, to the last bit, until the environment's episode ends."""
+    monkeypatch.setattr(judge, "BESIDE", 2)
+    words = [*judge.TASKS[task], f"seed={judge.seed_of(task)}", "monte_carlo.num_cases=3"]
+    composed = compose_experiment(["+experiment=evaluate", "controller=coast", *words])
+    mission, starts = composed.experiment.mission.of_each, evaluation_scenarios(composed.experiment)
+    env = MultiInspectionEnv(FLEETS[task], NUM_DEPUTIES, collision_m=0.0)
+    pilot = judge.ActingPilot(act, judge.Task(composed.experiment, composed.config, judge.Reward(), None))
+    forces = pilot.together(mission, [start.fleet for start in starts], 1)
+    lengths = list[int]()
+    for start, fired in zip(starts, forces, strict=True):
+        assert {deputy.noise[1] for deputy in start.fleet} == {EVALUATION}
+        # parked: a closed ellipse of Clohessy and Wiltshire's equations
+        along = [-2.0 * mission.orbit.mean_motion_rad_s * deputy.position_m[0] for deputy in start.fleet]
+        closed = [(0.0, speed, 0.0) for speed in along]
+        is_parked = np.allclose([deputy.velocity_m_s for deputy in start.fleet], closed, atol=1e-12)
+        assert is_parked == (task == "fleet_parked")
+        seen, _ = env.reset(options={"scenarios": start.fleet})
+        k = 0
+        while env.agents:
+            actions = {agent: act(seen[agent][np.newaxis])[0] for agent in env.agents}
+            given = np.array([actions[agent] for agent in env.agents], dtype=np.float64)
+            np.testing.assert_array_equal(fired[:, k], given * mission.deputy.max_force_n)
+            seen, *_ = env.step(actions)
+            k += 1
+        lengths.append(k)
+    assert max(lengths) > 50
+
+
+@pytest.mark.parametrize("task", FLEETS)
+def test_fleets_are_judged_as_an_evaluation_has_them(task, tmp_path, capsys) -> None:
+    result = judge.judge("champion_27", task, num_cases=12)
+    words = [*judge.TASKS[task], f"seed={result['seed']}", "monte_carlo.num_cases=12"]
+    words += ["stages=[scenario,evaluate]", f"hydra.run.dir={tmp_path}"]
+    assert pipeline(["+experiment=evaluate", "controller=champion_27", *words]) == 0
+    summary = json.loads((tmp_path / artifacts.SUMMARY).read_text())
+    columns = tables.read_parquet(tmp_path, artifacts.EPISODES)
+    is_near = columns["nearest_pair_m"] < parallel_env(task).collision_m
+    figures = dict(result["figures"])
+    apart, collided = figures.pop(judge.APART), figures.pop(judge.COLLIDED)
+    assert collided["count"] == is_near.sum()
+    assert apart["count"] == (columns["success"] & ~columns["violated"] & ~is_near).sum()
+    assert {"delta_v_m_s", "nearest_pair_m", SUCCESS, "violated"} < figures.keys()
+    for name, measure in figures.items():
+        assert measure == summary[name], name
+    assert result["regret"] == {"not_compared": "the plans are of one deputy"}
+    assert "within 10 m of another (%)" in judge.table([result])
+    capsys.readouterr()
+
+
+@pytest.mark.parametrize("task", FLEETS)
+def test_the_environment_of_fleets_draws_no_start_that_is_held_out(task) -> None:
+    """It draws from another place in the spawn key, of the same world, and pays as the suite says."""
+    env, seed = parallel_env(task), judge.seed_of(task)
+    drawn = [env.task.draw(np.random.default_rng(number)) for number in (seed, 1)]
+    assert all(start.noise[1] != EVALUATION for start in drawn)
+    assert env.task.reward == REWARDS.get(task, judge.Reward())
+    judged = compose_experiment(["+experiment=evaluate", "controller=coast", *judge.TASKS[task]]).experiment
+    assert judged.mission.of_each == env.task.mission
+    assert judged.sun == env.task.experiment.sun
+    assert judged.monte_carlo == env.task.experiment.monte_carlo
+    assert len(env.possible_agents) == judged.mission.fleet.deputies
 
 
 def test_a_controller_is_judged_as_an_evaluation_has_it(tmp_path, capsys) -> None:
@@ -92,5 +161,9 @@ def test_what_cannot_be_judged_is_refused(capsys) -> None:
     with pytest.raises(SystemExit, match="2"):
         judge.main(["no_such_controller", "--cases", "1"])
     assert "there is no controller no_such_controller" in capsys.readouterr().err
+    with pytest.raises(ControllerError, match=r"'fleet' is of 2 deputies; .* plans for one .*such as paper"):
+        judge.judge("lqr", "fleet", num_cases=1)
+    with pytest.raises(ValueError, match="'paper' is no task of fleets; those are fleet, "):
+        parallel_env("paper")
     with pytest.raises(ValueError, match="shape"):
         judge.judge(lambda seen: np.zeros(3), num_cases=1)

@@ -39,6 +39,8 @@ def test_an_interval_over_trainings_is_students_within_what_a_share_can_be():
     assert figures["delta_v_m_s"] == pytest.approx((np.mean(values), low, high))
     assert figures[SUCCESS][2] == 100.0
     assert leaderboard.cell(leaderboard.over_trainings(each[:1]), "delta_v_m_s") == "0.500"
+    scattered = [leaderboard.figures_of(judged(*row)) for row in ((0.1, 0.0), (0.9, 0.0))]
+    assert leaderboard.over_trainings(scattered)["delta_v_m_s"][1] == 0.0  # no less can be burnt
 
 
 def test_without_a_learners_library_the_cure_is_told(monkeypatch, capsys):
