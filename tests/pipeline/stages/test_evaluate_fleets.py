@@ -148,7 +148,8 @@ def test_what_is_left_is_told_in_words():
     seen_by[3:, :2], seen_by[4, 2] = 2, 1
     left_to[1:3, :2], left_to[1:, 3] = 2, 3
     left_to[3, 2] = 2
-    flight = SimpleNamespace(is_inspectable=np.ones(4, np.bool_), tour_costs_m_s=np.zeros((0, 0)))
+    undecided = {"tour_costs_m_s": np.zeros((0, 0)), "foresight_at": np.zeros(0, np.int64)}
+    flight = SimpleNamespace(is_inspectable=np.ones(4, np.bool_), **undecided)
     heard = np.zeros((4, 2, 4), np.uint8), *np.zeros((2, 4, 2, 3)), np.zeros((4, 2), np.uint8)
     log = DeputyLog(1, flight, seen_by, left_to, *heard)
     events = fleet_events(SimpleNamespace(control_period_s=60.0), log, 3)
