@@ -22,6 +22,7 @@ from pipeline.flight.world.pack import pack_world
 from pipeline.recording.events import events
 from pipeline.recording.fleets import fleet_events
 from pipeline.scenarios import evaluation_scenarios
+from tests.pipeline.flight.independence import assert_fleets_are_independent
 
 WORDS = ("+experiment=evaluate_fleet", "controller=champion_27_rehearsed", "sun=random", "attitude=ideal")
 PARKED = "monte_carlo.parked=true"
@@ -164,12 +165,7 @@ def test_with_errors_fleets_plan_again(words):
 def test_plans_made_again_depend_on_neither_workers_nor_neighbours():
     words = (*INEXACT, "fleet.deputies=3", "fleet.delay_periods=1", "fleet.lost_percent=20")
     mission, controller, scenarios = composed(PARKED, "monte_carlo.num_cases=3", *words)
-    flown = fly_all_fleets(mission, controller, scenarios, 1)
-    again = fly_all_fleets(mission, controller, scenarios, 2)
-    alone = fly_all_fleets(mission, controller, scenarios[1:2], 1)
-    for name, values in vars(flown).items():
-        np.testing.assert_array_equal(getattr(again, name), values, err_msg=name)
-        np.testing.assert_array_equal(getattr(alone, name), values[1:2], err_msg=name)
+    assert_fleets_are_independent(mission, controller, scenarios)
 
 
 @pytest.mark.slow

@@ -25,6 +25,7 @@ from pipeline.recording.events import events
 from pipeline.recording.fleets import fleet_events
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.places import conf_folder
+from tests.pipeline.flight.independence import assert_fleets_are_independent
 
 FLEET = ("+experiment=evaluate_fleet", "world=leo", "controller=champion_leo", "attitude=ideal")
 #: where deputies fly what they believe
@@ -127,12 +128,7 @@ def test_a_tour_of_all_is_flown_as_by_a_controller_that_follows_it():
 @pytest.mark.slow
 def test_results_depend_on_neither_workers_nor_neighbours():
     mission, controller, scenarios = composed("fleet.deputies=3")
-    flown = fly_all_fleets(mission, controller, scenarios, 1)
-    again = fly_all_fleets(mission, controller, scenarios, 2)
-    alone = fly_all_fleets(mission, controller, scenarios[1:2], 1)
-    for name, values in vars(flown).items():
-        np.testing.assert_array_equal(getattr(again, name), values, err_msg=name)
-        np.testing.assert_array_equal(getattr(alone, name), values[1:2], err_msg=name)
+    assert_fleets_are_independent(mission, controller, scenarios)
 
 
 @pytest.mark.slow

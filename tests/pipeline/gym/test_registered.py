@@ -4,6 +4,8 @@ A warning of theirs fails a test. Stable-Baselines3 brings torch; where it is no
 left out, by name.
 """
 
+from functools import partial
+
 import gymnasium
 import numpy as np
 import pytest
@@ -87,21 +89,24 @@ def test_what_afrls_agents_observe_is_without_fault(make):
     check_env(PublishedObservation(make()), skip_render_check=True)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("number", [1, 3])
-def test_pettingzoos_own_tests_pass(kind, number):
+PARALLEL = {
+    **{
+        f"{kind.__name__}, {number}": partial(kind, num_deputies=number)
+        for kind in KINDS
+        for number in (1, 3)
+    },
+    **{task: partial(parallel.parallel_env, task) for task in FLEETS},
+}
+
+
+@pytest.mark.parametrize("make", PARALLEL.values(), ids=PARALLEL)
+def test_pettingzoos_own_tests_pass(make):
     """They raise; what is observed of a start is in its space, and another seed starts elsewhere."""
-    parallel_api_test(env := kind(num_deputies=number), num_cycles=200)
-    parallel_seed_test(lambda: kind(num_deputies=number), num_cycles=20)
+    parallel_api_test(env := make(), num_cycles=200)
+    parallel_seed_test(make, num_cycles=20)
     seen, again, other = (env.reset(seed=seed)[0] for seed in (1, 1, 2))
-    assert len(seen) == number
+    assert set(seen) == set(env.possible_agents)
     for agent, observation in seen.items():
         assert env.observation_space(agent).contains(observation)
         np.testing.assert_array_equal(observation, again[agent])
         assert not np.array_equal(observation, other[agent])
-
-
-@pytest.mark.parametrize("task", FLEETS)
-def test_pettingzoo_finds_no_fault_in_a_task_of_fleets(task):
-    parallel_api_test(parallel.parallel_env(task), num_cycles=200)
-    parallel_seed_test(lambda: parallel.parallel_env(task), num_cycles=20)
