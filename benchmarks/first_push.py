@@ -18,7 +18,7 @@ from pipeline.controllers.source import named
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import RuleController
 from pipeline.flight.control.law import law_of
-from pipeline.flight.fly.outlooks import finishing
+from pipeline.flight.fly.lesser_controllers import finishing
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.fly.replanning import foresee
 from pipeline.flight.state.log import Outcomes, Scenario

@@ -21,7 +21,7 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
 from pipeline.evaluation.statistics import percent_ahead, statistic
 from pipeline.flight.control.controller import RuleController, from_fuzzy
-from pipeline.flight.fly.outlooks import bare, rules_alone
+from pipeline.flight.fly.lesser_controllers import bare, rules_alone
 from pipeline.flight.fly.replanning import foresees
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.flight.state.log import Outcomes

@@ -20,7 +20,7 @@ from pipeline.evaluation.paired_runs import Compared, compare
 from pipeline.evaluation.statistics import Column, succeeds
 from pipeline.flight.control.controller import RuleController, from_fuzzy
 from pipeline.flight.control.law import law_of
-from pipeline.flight.fly.outlooks import rules_alone
+from pipeline.flight.fly.lesser_controllers import rules_alone
 from pipeline.flight.fly.replanning import foresees
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import FlightLog

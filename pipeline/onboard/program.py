@@ -13,7 +13,8 @@ from pipeline.array_types import Integers
 from pipeline.flight.cases.navigation import as_believed
 from pipeline.flight.control.controller import Controller, RuleController
 from pipeline.flight.control.law import law_of
-from pipeline.flight.fly.outlooks import at_start, bare, finishing
+from pipeline.flight.fly.lesser_controllers import bare, finishing
+from pipeline.flight.fly.outlooks import at_start
 from pipeline.flight.fly.replanning import foresees
 from pipeline.flight.fly.tours import tour_images, tour_names
 from pipeline.flight.fly.workspace import optics_in_use

@@ -10,7 +10,7 @@ import numpy as np
 from fis_tools.model.thrust import ThrustLogic, thrust_logic
 from pipeline.array_types import Floats
 from pipeline.flight.control.controller import Controller, RuleController
-from pipeline.flight.fly.outlooks import finishing
+from pipeline.flight.fly.lesser_controllers import finishing
 from pipeline.flight.fly.tours import rehearsal_samples, tour_names
 from pipeline.flight.goals.reach import ended, limit_at
 from pipeline.flight.state.log import LIMITS, PARKED, REHEARSED, FlightLog, inspectable_rate, points_needed

@@ -27,7 +27,8 @@ from pipeline.flight.fly.fleets import (
     Messages,
     fly_chosen,
 )
-from pipeline.flight.fly.outlooks import Deputies, at_start, by_then, finishing, room_for_known
+from pipeline.flight.fly.lesser_controllers import finishing
+from pipeline.flight.fly.outlooks import Deputies, at_start, by_then, room_for_known
 from pipeline.flight.fly.rehearsals import rehearsed_costs
 from pipeline.flight.fly.replanning import (
     COASTING,

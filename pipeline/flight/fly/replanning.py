@@ -20,7 +20,8 @@ from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import Controller, RuleController
 from pipeline.flight.control.law import ahead_stride
 from pipeline.flight.fly.aboard import is_held
-from pipeline.flight.fly.outlooks import Deputies, at_start, finishing, later, rehearsing, rehearsing_once
+from pipeline.flight.fly.lesser_controllers import finishing, rehearsing, rehearsing_once
+from pipeline.flight.fly.outlooks import Deputies, at_start, later
 from pipeline.flight.fly.prices import price_pushes
 from pipeline.flight.fly.pushes import Effort, PushSearch, search_pushes
 from pipeline.flight.fly.rehearsals import rehearse_tours, rehearsed_costs, rehearsed_openings

@@ -19,9 +19,9 @@ from pipeline.flight.control.controller import (
     open_loop,
 )
 from pipeline.flight.control.law import law_of, planned, rehearsed_pushes
+from pipeline.flight.fly.lesser_controllers import finishing, rehearsing
 from pipeline.flight.fly.logged import write_reasons
 from pipeline.flight.fly.many import FlightBatch, Results, fly_many
-from pipeline.flight.fly.outlooks import finishing, rehearsing
 from pipeline.flight.fly.plain import is_interpreted, plain_if_interpreted
 from pipeline.flight.fly.population import check_finite, flights_of, fly_population, lanes_of_group
 from pipeline.flight.fly.rehearsals import by_tours, rehearse_tours, rehearsed_openings

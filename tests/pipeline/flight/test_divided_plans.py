@@ -13,7 +13,8 @@ from pipeline.flight.fly.divided import Team, openings_of, team_of
 from pipeline.flight.fly.fleet_logs import fly_logged_fleet
 from pipeline.flight.fly.fleets import OF_DEPUTIES, Chosen, FlightPart, fly_chosen
 from pipeline.flight.fly.fleets_ahead import fly_all_fleets, looked_ahead
-from pipeline.flight.fly.outlooks import at_start, by_then, finishing, room_for_known
+from pipeline.flight.fly.lesser_controllers import finishing
+from pipeline.flight.fly.outlooks import at_start, by_then, room_for_known
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.fly.replanning import COASTING, left_to_fire
 from pipeline.flight.fly.simulation import fly_all

@@ -16,7 +16,8 @@ from pipeline.flight.control.controller import ControllerError, from_fuzzy, open
 from pipeline.flight.control.law import law_of
 from pipeline.flight.fly import aboard, replanning
 from pipeline.flight.fly.free_drift import num_doubts, outside_later
-from pipeline.flight.fly.outlooks import TAIL_SPREADS, at_start, finishing, later, rehearsing
+from pipeline.flight.fly.lesser_controllers import finishing, rehearsing
+from pipeline.flight.fly.outlooks import TAIL_SPREADS, at_start, later
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.fly.prices import price_pushes
 from pipeline.flight.fly.pushes import Effort, search_pushes

@@ -15,7 +15,8 @@ from fis_tools.formats.c.text import WARNINGS
 from fis_tools.formats.serialize import content_hash
 from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.fly.aboard import predict
-from pipeline.flight.fly.outlooks import at_start, finishing
+from pipeline.flight.fly.lesser_controllers import finishing
+from pipeline.flight.fly.outlooks import at_start
 from pipeline.flight.fly.pushes import Effort, search_pushes
 from pipeline.flight.fly.replanning import AGAIN_ON_BOARD, FIRST, first_searches, foresees
 from pipeline.flight.fly.simulation import fly_all, fly_logged
