@@ -21,12 +21,24 @@ FILE = Path(__file__).with_suffix(".json")
 #: of slow tests and of fast ones: by their files and functions, seconds for all cases, and their number
 Durations = dict[str, dict[str, dict[str, tuple[float, int]]]]
 SPEEDS = ("fast", "slow")
+#: seconds of a case beyond which a test is slow, marked or not, and the keyword of those that are not
+SLOW_S, FOUND_SLOW = 0.7, "found slow"
 
 
 def read() -> Durations:
-    """Return what was measured."""
+    """Return what was measured, by how tests are marked."""
     known = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
     return {speed: known.get(speed, {}) for speed in SPEEDS}
+
+
+def found_slow(known: Durations) -> set[tuple[str, str]]:
+    """Return functions with cases that are not marked as slow and take longer than `SLOW_S`."""
+    return {
+        (file, name)
+        for file, functions in known["fast"].items()
+        for name, (seconds, cases) in functions.items()
+        if seconds > SLOW_S * cases
+    }
 
 
 def function_of(nodeid: str) -> tuple[str, str]:
@@ -108,7 +120,8 @@ class Recorder:
 
     def pytest_runtest_logreport(self, report: Any) -> None:
         """Add it up."""
-        of_speed = self._measured["slow" if "slow" in report.keywords else "fast"]
+        is_marked = "slow" in report.keywords and FOUND_SLOW not in report.keywords
+        of_speed = self._measured["slow" if is_marked else "fast"]
         of_speed[report.nodeid] = of_speed.get(report.nodeid, 0.0) + max(0.0, report.processor_s)
 
     def pytest_sessionfinish(self, session: pytest.Session) -> None:

@@ -77,7 +77,7 @@ def planned(config: pytest.Config, num_processes: int) -> Plan:
         )
     change, known = f"{len(files or ())} changed files", durations.read()
     if option.changed is None:
-        chosen = nearest(files, known["slow"], NEAR_S) if files else {}
+        chosen = nearest(files, _slow(known), NEAR_S) if files else {}
         count = sum(map(len, chosen.values()))
         heading = (
             f"tests: the fast ones, and of the slow ones {count} functions near {change}; --all takes all"
@@ -88,6 +88,14 @@ def planned(config: pytest.Config, num_processes: int) -> Plan:
     chosen = nearest(files or (), _merged(known), budget_s, new, OF_COLLECTING_S * num_processes)
     heading = f"tests: {sum(map(len, chosen.values()))} functions nearest to {change}, for a minute"
     return Plan("changed", heading, chosen, time.time() + MINUTE_S)
+
+
+def _slow(known: durations.Durations) -> dict[str, dict[str, tuple[float, int]]]:
+    """Return the durations of slow cases, those that are marked and those that are found slow."""
+    found: durations.Durations = {"fast": {}, "slow": known["slow"]}
+    for file, name in durations.found_slow(known):
+        found["fast"].setdefault(file, {})[name] = known["fast"][file][name]
+    return _merged(found)
 
 
 def _merged(known: durations.Durations) -> dict[str, dict[str, tuple[float, int]]]:
@@ -163,9 +171,13 @@ def dearest_first(files: Sequence[str]) -> list[str]:
 
 
 def select(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Take what is planned out of what was collected, in its order."""
-    plan = config.stash[PLAN]
+    """Mark what was measured to be slow, and take what is planned out of what was collected, in its order."""
+    plan, found_slow = config.stash[PLAN], durations.found_slow(durations.read())
     functions = [durations.function_of(item.nodeid) for item in items]
+    for item, function in zip(items, functions, strict=True):
+        if function in found_slow and not item.get_closest_marker("slow"):
+            item.add_marker("slow")
+            item.keywords[durations.FOUND_SLOW] = True
     if plan.way == "changed":
         order = {(file, name): n for n, (file, names) in enumerate(plan.chosen.items()) for name in names}
         ranks = [order.get(function, order.get((function[0], ""), -1)) for function in functions]

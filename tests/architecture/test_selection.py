@@ -93,6 +93,34 @@ def test_what_collecting_takes_is_no_test_s():
     assert ended.value.value.processor_s == 3.0
 
 
+class _Item:
+    """A test of pytest's, as far as it is selected."""
+
+    def __init__(self, nodeid):
+        self.nodeid, self.marked, self.keywords = nodeid, [], {}
+        self.add_marker, self.get_closest_marker = self.marked.append, lambda name: name in self.marked
+
+
+def test_what_takes_long_is_slow_though_nobody_marked_it_and_fast_again_once_it_is_quick(monkeypatch):
+    limit = durations.SLOW_S
+    known = {"fast": {"a": {"long": (2.1 * limit, 2), "short": (0.9 * limit, 1)}}, "slow": {"a": {}}}
+    monkeypatch.setattr(durations, "read", lambda: known)
+    items = [_Item(f"a::{name}") for name in ("long[0]", "short", "long[1]", "new")]
+    hook = SimpleNamespace(pytest_deselected=lambda *, items: None)
+    select(SimpleNamespace(stash={PLAN: Plan("fast")}, option=None, hook=hook), items)
+    assert [item.nodeid for item in items] == ["a::short", "a::new"]
+
+    (item,) = items = [_Item("a::long[0]")]
+    select(SimpleNamespace(stash={PLAN: Plan("named")}, option=None, hook=hook), items)
+    assert item.marked == ["slow"]
+    recorder = object.__new__(durations.Recorder)
+    recorder._measured = {speed: {} for speed in durations.SPEEDS}
+    recorder.pytest_runtest_logreport(
+        SimpleNamespace(nodeid=item.nodeid, keywords=item.keywords | {"slow": 1}, processor_s=0.1)
+    )
+    assert recorder._measured == {"fast": {item.nodeid: 0.1}, "slow": {}}
+
+
 def test_a_file_without_durations_is_taken_whole():
     assert nearest([FILES[0]], {}, 10.0, {FILES[0]: 5.0}) == {FILES[0]: [""]}
 
