@@ -92,10 +92,10 @@ def planned(config: pytest.Config, num_processes: int) -> Plan:
 
 def _slow(known: durations.Durations) -> dict[str, dict[str, tuple[float, int]]]:
     """Return the durations of slow cases, those that are marked and those that are found slow."""
-    found: durations.Durations = {"fast": {}, "slow": known["slow"]}
+    merged: durations.Durations = {"fast": {}, "slow": known["slow"]}
     for file, name in durations.found_slow(known):
-        found["fast"].setdefault(file, {})[name] = known["fast"][file][name]
-    return _merged(found)
+        merged["fast"].setdefault(file, {})[name] = known["fast"][file][name]
+    return _merged(merged)
 
 
 def _merged(known: durations.Durations) -> dict[str, dict[str, tuple[float, int]]]:
