@@ -71,7 +71,8 @@ def compared(
     if limits is None:
         every = [mark for _, marks in panels for mark in marks]
         most = max(mark.delta_v[0] + mark.delta_v[1] for mark in every)
-        greatest = max(100.0 - mark.rate[0] + mark.rate[1] for mark in every)
+        # at least what may be missed, whose line is drawn
+        greatest = max(100.0 - threshold, *(100.0 - mark.rate[0] + mark.rate[1] for mark in every))
         limits = (-0.01, 1.15 * max(most, LINEAR)), (min(1.2 * greatest, 100.0), 0.88 * LEAST_MISSED)
     axes[0].set(xlim=limits[0], ylim=limits[1])
     for ax, (_, marks) in zip(axes, panels, strict=True):

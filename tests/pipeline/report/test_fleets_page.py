@@ -148,6 +148,8 @@ def test_a_case_opens_with_all_deputies_as_they_flew(opened, made, text, deputie
     page = opened(text, 1400, reduced_motion="reduce")
     page.wait_for_function(READY)
     recorded = {path.stem: path for path in (folder / artifacts.RECORDINGS).glob("*.mcap")}
+    # the median first
+    assert f"median-case-{page.evaluate('player.cases.numbers[player.row]')}-deputy-1" in recorded
     rows = page.evaluate("() => [...player.cases.numbers.keys()].filter(row => player.sides[0].canOpen(row))")
     assert len(rows) > 2
     # the worst, the median and the best, as they are recorded

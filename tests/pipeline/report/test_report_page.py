@@ -18,7 +18,7 @@ from fis_tools.render.theme import contrast
 from fis_tools.review import page as review
 from fis_tools.words.text import summary
 from pipeline.command_line.config import compose_experiment
-from pipeline.evaluation.monte_carlo import fly_cases, summarise
+from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, summarise
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.report.contents import command_of, gather, read_evaluation, tracks_of
 from pipeline.report.page import write
@@ -254,6 +254,9 @@ def test_an_evaluated_controller_shows_its_median_flight(tmp_path):
     assert of_mass["value"] < -0.3
     assert f"deputy.mass_kg−{-of_mass['value']:.2f} (" in words
     assert f"without dispersions{nominal['mean']:.3f} ± {nominal['standard_deviation']:.3f}" in words
+    seen, ended = (summary["nominal"][name] for name in ("inspectable_rate_percent", SUCCESS))
+    of_nominal = f"{seen['mean']:.2f} ± {seen['standard_deviation']:.2f}{100.0 * ended['fraction']:.1f} %"
+    assert of_nominal in words
     middle = summary["percentiles"]["delta_v_m_s"][0]
     assert f"50 % have at most{middle['value']:.3f}{middle['low']:.3f} to {middle['high']:.3f}" in words
     rate, count = summary["inspectable_rate_percent"]["mean"], summary["inspectable_count"]["mean"]

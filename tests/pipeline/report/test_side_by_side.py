@@ -146,6 +146,12 @@ def test_controllers_are_told_apart_without_colours():
         assert (tuple(np.round([max(fuel - across, 0.0), fuel + across], 9)), (missed, missed)) in drawn
         ends = [max(missed - up, LEAST_MISSED), min(missed + up, 100.0)]
         assert ((np.round(fuel, 9),) * 2, tuple(np.round(ends, 9))) in drawn
+    # whatever a controller misses, its mark is within the axes
+    for rate in (0.0, 99.0, 100.0):
+        (ax,) = compared([("one", [ControllerMark("c", (0.1, 0.05), (rate, 0.0))])], 95.0).axes
+        for line in ax.lines:
+            assert max(ax.get_ylim()) >= max(line.get_ydata())
+            assert min(ax.get_ylim()) <= min(line.get_ydata())
 
 
 def test_words_stand_out_from_the_squares_of_worlds():
@@ -159,6 +165,13 @@ def test_words_stand_out_from_the_squares_of_worlds():
     for text, square in zip(ax.texts, ax.patches, strict=True):
         assert contrast(text.get_color(), square.get_facecolor()[:3]) >= 4.5
         assert all(ax.viewLim.contains(*corner) for corner in square.get_corners())
+    # a world more is a row more, of the same height
+    heights = [
+        by_world([replace(rows[world], world=str(world)) for world in range(count)]).get_figheight()
+        for count in (1, 2, 7)
+    ]
+    assert heights[2] - heights[0] == pytest.approx(6.0 * (heights[1] - heights[0]))
+    assert heights[1] - heights[0] > 0.3
 
 
 @pytest.mark.parametrize(

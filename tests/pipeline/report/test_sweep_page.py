@@ -108,7 +108,12 @@ def test_the_page_says_which_setting_is_better_by_how_much_and_how_sure(tmp_path
     assert f"python -m pipeline fly {tmp_path}/controller=third+seed=" in page
     # no run chose pushes ahead
     assert sweep_page.FUEL_SHARES not in page
-    assert "ahead_percent" not in sweep.columns_of(results)
+    columns = sweep.columns_of(results)
+    assert "ahead_percent" not in columns
+    # what is told in percent says so in its name
+    for metric in paired_runs.METRICS:
+        (name,) = {metric.name, f"{metric.name}_percent"} & columns.keys()
+        assert name.endswith("_percent") == (metric.unit == "%")
     assert "seed=" not in page.partition("Runs</h2>")[0].partition("Best, ready to fly")[0]
 
 
