@@ -118,6 +118,8 @@ def test_small_samples_show_each_value_and_large_ones_are_counted():
     np.testing.assert_array_equal(dots.get_xdata(), few)
     for ax in rows[1]:
         assert sum(bar.get_height() for bar in ax.patches) == 500
+        assert ax.get_xlim()[0] <= min(bar.get_x() for bar in ax.patches)
+        assert max(bar.get_x() + bar.get_width() for bar in ax.patches) <= ax.get_xlim()[1] + 1e-9
     # a bin for each possible count of points
     rates = values_of(500, many)["inspection_rate_percent"]
     counts, heights = np.unique(np.rint(rates * 0.99), return_counts=True)
