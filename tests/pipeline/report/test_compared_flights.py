@@ -72,6 +72,11 @@ def test_a_case_of_a_comparison_flies_by_each_controller_and_layer(opened, folde
                 )
                 assert shown.pop(f"{controller}{words}") == flights["delta_v_m_s"][row]
         assert not shown
+    # what flies a case is typed for the mission as it is, without another layer
+    commands = dict(page.evaluate("() => player.sides.map(({ run }) => [run.name, run.command])"))
+    for name in ("champion_27", "lqr"):
+        assert f"controller={name}" in commands[name]
+        assert not commands[f"{name}, safety layer"]
 
 
 @pytest.mark.slow
