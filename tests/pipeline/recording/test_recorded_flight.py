@@ -81,6 +81,7 @@ def test_what_was_flown_in_full_precision(full: Recording, log: FlightLog):
         "/guidance": {name: getattr(log, name) for name in ("num_candidates", "lambda_u_rad", "eta_u_rad")},
         "/mission": {
             "delta_v_m_s": log.delta_v_m_s,
+            "sun_hidden_share": np.zeros(361),  # the paper's orbit has no shadow
             "inspected_count": log.is_inspected.sum(axis=1),
             "inspected_mask": log.is_inspected,
         },
