@@ -61,7 +61,7 @@ def check_before(experiment: Experiment) -> None:
 
     controllers = [load(experiment.controller, experiment.mission)]
     if "assure" in experiment.stages:
-        from pipeline.evaluation.assurance.proofs import check_questions  # noqa: PLC0415 - the same
+        from pipeline.evaluation.assurance.certificates import check_questions  # noqa: PLC0415 - the same
 
         check_questions(requirements, controllers[0])
     if "train" in experiment.stages:

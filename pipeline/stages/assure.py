@@ -26,6 +26,7 @@ from pipeline.evaluation.assurance.campaign import (
     search_efficiency,
 )
 from pipeline.evaluation.assurance.case_space import case_space
+from pipeline.evaluation.assurance.certificates import certificates, check_questions
 from pipeline.evaluation.assurance.conditions import box_in_words, conditions_of, start_bounds
 from pipeline.evaluation.assurance.evidence import Domain, domain_of, left_on
 from pipeline.evaluation.assurance.formula import (
@@ -36,7 +37,7 @@ from pipeline.evaluation.assurance.formula import (
     quantities_of,
 )
 from pipeline.evaluation.assurance.judgements import cases_needed, failures_allowed, judge
-from pipeline.evaluation.assurance.proofs import TubeProof, certificates, check_questions, safety_proof
+from pipeline.evaluation.assurance.proofs import safety_proof
 from pipeline.evaluation.assurance.quantities import track_of, tracks_of
 from pipeline.evaluation.assurance.rare import RARE, NotMet
 from pipeline.evaluation.assurance.repeats import repeats_in_words
@@ -54,6 +55,7 @@ from pipeline.evaluation.assurance.requirements import (
     requirements_text,
 )
 from pipeline.evaluation.assurance.sentences import ordinal
+from pipeline.evaluation.assurance.tube import TubeProof
 from pipeline.evaluation.assurance.verdicts import Evidence, percent
 from pipeline.evaluation.splitting import POPULATIONS, RareShare, rare_share
 from pipeline.flight.cases.dispersions import drawn

@@ -1,18 +1,12 @@
-"""What proofs demonstrate: bounds of rules, the safety layer's proof, and a tube of all starts."""
+"""What the safety layer proves of a requirement."""
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from fis_tools.analysis.bounds import ask
-from fis_tools.analysis.condition import read_conditions, read_region
 from fis_tools.compiled.three import Three
-from fis_tools.engines.interval import NotBounded
-from fis_tools.model import FuzzySystem
-from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.conditions import shell_in_words
 from pipeline.evaluation.assurance.formula import (
     NEAREST_PAIR,
@@ -24,13 +18,10 @@ from pipeline.evaluation.assurance.formula import (
     Formula,
     Negation,
     Predicate,
-    Until,
     Window,
     kind_of,
 )
 from pipeline.evaluation.assurance.open_starts import start_without_way_out
-from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
-from pipeline.flight.control.controller import Controller
 from pipeline.flight.period.act.safety import NUM_BRAKING, STANDING, TOLERANCE, most_exceeded
 from pipeline.flight.period.act.way_out import is_open
 from pipeline.flight.state.arrays import Guard, World
@@ -40,107 +31,9 @@ from pipeline.flight.world.pack import pack_world
 from pipeline.flight.world.thrust_bounds import capacity_of
 from pipeline.settings.equipment import RangeBearingFixes, RealActuators
 from pipeline.settings.experiment import Mission
-from pipeline.settings.keys import choices_of
 
 #: quantities that are speeds along the axes
 ALONG_AXES = ("velocity_radial", "velocity_along_track", "velocity_cross_track")
-
-
-@dataclass(frozen=True)
-class Certificate:
-    """The answer to a question about a system's outputs, with the boxes that prove a negative one.
-
-    Parameters
-    ----------
-    question : Question
-    system : str
-    verdict : str
-        ``no`` if it is proved that the outputs cannot, ``yes`` if an example shows that they can,
-        ``undecided``, or ``unbounded`` for systems that cannot be bounded.
-    sentence : str
-        The answer in words.
-    inputs : tuple of str
-        The columns of the boxes.
-    low, high : (n, num_inputs)
-        The boxes; none without a proof.
-    """
-
-    question: Question
-    system: str
-    verdict: str
-    sentence: str
-    inputs: tuple[str, ...]
-    low: Floats
-    high: Floats
-
-
-_NAME = re.compile(r"[A-Za-z_]\w*")
-
-
-def check_questions(requirements: Sequence[Requirement], controller: Controller) -> None:
-    """Refuse questions that no system of a controller can answer, unless it has no systems at all.
-
-    Raises
-    ------
-    RequirementError
-        If no system has such an output, or a condition cannot be read.
-    """
-    if not controller.systems:
-        return
-    outputs = list(dict.fromkeys(v.name for system in controller.systems for v in system.outputs))
-    for requirement in requirements:
-        for question in requirement.questions:
-            words = f"{requirement.id}, its bounds {question.ask!r}"
-            systems = [system for system in controller.systems if _is_about(question, system)]
-            if not systems:
-                word = next(iter(_NAME.findall(question.ask)), question.ask)
-                raise RequirementError(
-                    f"{words}: no system of {controller.name} has this output"
-                    f"{choices_of(word, outputs, plural='outputs')}"
-                )
-            for system in systems:
-                try:
-                    read_conditions(question.ask, [variable.name for variable in system.outputs])
-                    read_region(system, question.where)
-                except ValueError as error:
-                    raise RequirementError(f"{words}: {error}") from error
-
-
-def certificates(requirement: Requirement, controller: Controller) -> tuple[Certificate, ...]:
-    """Answer a requirement's questions about the systems of a controller.
-
-    Raises
-    ------
-    RequirementError
-        If a question cannot be read.
-    """
-    return tuple(
-        _certificate(question, system, requirement.id)
-        for question in requirement.questions
-        for system in controller.systems
-        if _is_about(question, system)
-    )
-
-
-def _is_about(question: Question, system: FuzzySystem) -> bool:
-    """Return whether a question names an output of a system."""
-    words = set(_NAME.findall(question.ask))
-    return any(variable.name in words for variable in system.outputs)
-
-
-def _certificate(question: Question, system: FuzzySystem, name: str) -> Certificate:
-    """Return a system's proved answer to a question, with the boxes that rule out any other."""
-    inputs = tuple(variable.name for variable in system.inputs)
-    none = np.empty((0, len(inputs)))
-    try:
-        answer = ask(system, question.ask, question.where)
-    except NotBounded as error:
-        return Certificate(question, system.name, "unbounded", str(error), inputs, none, none)
-    except ValueError as error:
-        raise RequirementError(f"{name}, its bounds {question.ask!r}: {error}") from error
-    low = none if answer.refuted_low is None else answer.refuted_low
-    high = none if answer.refuted_high is None else answer.refuted_high
-    return Certificate(question, system.name, answer.verdict, answer.sentence, inputs, low, high)
 
 
 @dataclass(frozen=True)
@@ -426,53 +319,3 @@ def safety_proof(
         keep_apart_m=kept,
         start_apart_m=start_apart,
     )
-
-
-@dataclass(frozen=True)
-class TubeProof:
-    """What a tube of all starts proves: the limit on the speed until the goal (`pipeline.proof`).
-
-    Parameters
-    ----------
-    fault : str
-        Why it proves nothing of these flights; empty if it does.
-    is_checked : bool
-        Whether the checker, which shares no code with the prover, has accepted the certificate in this run.
-    starts, model : str
-        In words, the starts and the closed loop that the proof is about.
-    end_s : float
-        When all flights are at the goal.
-    limit : (float, float, float)
-        Base (m/s), slope (1/s) and offset (m) of the limit on the speed over the distance.
-    goal : (float, float)
-        Greatest distance (m) and speed (m/s) at the end.
-    """
-
-    fault: str
-    is_checked: bool = False
-    starts: str = ""
-    model: str = ""
-    end_s: float = 0.0
-    limit: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    goal: tuple[float, float] = (0.0, 0.0)
-
-    def proves(self, formula: Formula) -> bool:
-        """Return whether ``limit until[0:T] goal`` follows from the tube; False if unclear."""
-        base, slope, offset = self.limit
-        match formula:
-            case Until(Window(0.0, last_s), Predicate(factors, constant), goal) if last_s >= self.end_s:
-                of = dict(factors)
-                keeps = of.pop("speed", 0.0) == -1.0 and of.pop("distance", 0.0) >= slope and not of
-                return keeps and constant >= base - slope * offset - 1e-12 and self._reaches(goal)
-        return False
-
-    def _reaches(self, formula: Formula) -> bool:
-        """Return whether a formula follows from being at the goal."""
-        match formula:
-            case Conjunction(left, right):
-                return self._reaches(left) and self._reaches(right)
-            case Predicate((("distance", -1.0),), constant):
-                return constant >= self.goal[0]
-            case Predicate((("speed", -1.0),), constant):
-                return constant >= self.goal[1]
-        return False

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from pipeline.evaluation.assurance.campaign import WorstCaseSearch
+from pipeline.evaluation.assurance.certificates import Certificate
 from pipeline.evaluation.assurance.judgements import ORDER, Judgement, Verdict, needed_by
-from pipeline.evaluation.assurance.proofs import Certificate, SafetyProof, TubeProof
+from pipeline.evaluation.assurance.proofs import SafetyProof
 from pipeline.evaluation.assurance.requirements import (
     BOUNDS,
     CASES,
@@ -16,6 +17,7 @@ from pipeline.evaluation.assurance.requirements import (
     TUBE,
     Requirement,
 )
+from pipeline.evaluation.assurance.tube import TubeProof
 from pipeline.evaluation.splitting import RareShare
 
 #: of a proof whose certificate nobody checked, and how to check it

@@ -8,8 +8,9 @@ import pytest
 from fis_tools.compiled.three import Three
 from fis_tools.formats import serialize
 from pipeline.evaluation.assurance import proofs, verdicts
+from pipeline.evaluation.assurance.certificates import Certificate, certificates, check_questions
 from pipeline.evaluation.assurance.formula import parse
-from pipeline.evaluation.assurance.proofs import Certificate, are_safe, safety_proof
+from pipeline.evaluation.assurance.proofs import are_safe, safety_proof
 from pipeline.evaluation.assurance.quantities import UNITS
 from pipeline.evaluation.assurance.requirements import (
     Question,
@@ -36,7 +37,7 @@ def asking(*questions: tuple[str, ...]) -> Requirement:
 
 
 def certified(*question: str) -> tuple[Certificate, ...]:
-    return proofs.certificates(asking(question), champion())
+    return certificates(asking(question), champion())
 
 
 def test_boxes_cover_the_region_and_rule_the_answer_out_everywhere():
@@ -75,7 +76,7 @@ def test_what_an_example_answers_with_yes_is_no_proof_and_only_the_systems_asked
 )
 def test_a_question_that_no_system_answers_is_refused(questions, fault):
     with pytest.raises(RequirementError, match=fault):
-        proofs.check_questions([asking(*questions)], champion())
+        check_questions([asking(*questions)], champion())
 
 
 def test_questions_of_all_shipped_requirements_are_answered_by_all_shipped_rules():
@@ -86,7 +87,7 @@ def test_questions_of_all_shipped_requirements_are_answered_by_all_shipped_rules
     assert controllers
     for path in (PROJECT / "conf/requirements").glob("*.yaml"):
         for controller in controllers:
-            proofs.check_questions(load_requirements(path.stem, Mission()), controller)
+            check_questions(load_requirements(path.stem, Mission()), controller)
 
 
 KEPT = "always (distance >= 15 m)"

@@ -7,11 +7,12 @@ import pytest
 
 from pipeline.evaluation.assurance import judgements, proofs, verdicts
 from pipeline.evaluation.assurance.campaign import FormulaResult, WorstCaseSearch
+from pipeline.evaluation.assurance.certificates import Certificate
 from pipeline.evaluation.assurance.formula import parse
-from pipeline.evaluation.assurance.proofs import Certificate
 from pipeline.evaluation.assurance.quantities import UNITS
 from pipeline.evaluation.assurance.requirements import Question
 from pipeline.evaluation.assurance.sentences import sentence
+from pipeline.evaluation.assurance.tube import TubeProof
 from pipeline.evaluation.assurance.verdicts import Evidence, verdict
 from tests.pipeline.evaluation.assurance.cases import REQUIREMENT, cases
 
@@ -128,14 +129,12 @@ GOAL = "(distance <= 0.5 m and speed <= 0.2 m/s)"
     ],
 )
 def test_a_tube_proves_its_limit_until_its_goal_and_nothing_else(text, follows):
-    tube = proofs.TubeProof("", True, end_s=900.0, limit=(0.2, 0.002, 0.0), goal=(0.5, 0.2))
+    tube = TubeProof("", True, end_s=900.0, limit=(0.2, 0.002, 0.0), goal=(0.5, 0.2))
     assert tube.proves(parse(text, UNITS)) is follows
 
 
 def test_a_proof_that_is_not_checked_shows_nothing():
-    tube = proofs.TubeProof(
-        "", True, "every start of a box", end_s=900.0, limit=(0.2, 0.002, 0.0), goal=(0.5, 0.2)
-    )
+    tube = TubeProof("", True, "every start of a box", end_s=900.0, limit=(0.2, 0.002, 0.0), goal=(0.5, 0.2))
     docking = replace(REQUIREMENT, formula=parse(f"{LIMIT} until {GOAL}", UNITS), probability=1.0)
     assert verdict(Evidence(docking, tube=tube)).verdict == "shown"
     unchecked = Evidence(docking, tube=replace(tube, is_checked=False))
@@ -172,7 +171,7 @@ def test_a_claim_names_its_reach():
     assert said.startswith("Shown for all cases (proved), at samples 10 s apart in flights of 3,600 s: ")
     bounded = gathered(judgement=cases(0), proof=BOUNDED, **FLOWN)
     assert "(proved), at all times in flights of 3,600 s: " in sentence(bounded, verdict(bounded))
-    tube = proofs.TubeProof("", True, end_s=900.0, limit=(0.2, 0.002, 0.0), goal=(0.5, 0.2))
+    tube = TubeProof("", True, end_s=900.0, limit=(0.2, 0.002, 0.0), goal=(0.5, 0.2))
     docking = Evidence(
         replace(REQUIREMENT, formula=parse(f"{LIMIT} until {GOAL}", UNITS)), tube=tube, **FLOWN
     )
