@@ -14,7 +14,7 @@ import time
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
@@ -28,6 +28,7 @@ from benchmarks.acting import MINUTE, SEEDS_APART, Acting
 from benchmarks.imitated import FORCES, flown_forces, signals
 from benchmarks.networks import CLIP, TANH, note_time, silenced, write_policy
 from benchmarks.teacher import Teacher
+from benchmarks.training import Training
 from fis_tools.formats import serialize
 from fis_tools.learning import learn
 from fis_tools.model import FuzzyController
@@ -96,34 +97,13 @@ def observed_at_decisions(
 
 
 @dataclass(frozen=True)
-class Training(ABC):
-    """One training, and what it is about.
-
-    Parameters
-    ----------
-    folder : Path
-        Where policies are written.
-    settings : Settings
-    seed : int
-    budget : int
-        Control periods, of which no more are flown.
-    words : tuple of str
-        Of the world, after those of the settings.
-    """
-
-    folder: Path
-    settings: Settings = NETWORK
-    seed: int = 1
-    budget: int = 1_000_000
-    words: tuple[str, ...] = ()
-    #: when it began, s
-    begun: float = field(default_factory=time.process_time)
+class Apprenticeship(Training[Settings], ABC):
+    """A training by what plans answer."""
 
     @cached_property
     def task(self) -> Task:
         """What is flown; nothing is paid."""
-        words = [*self.settings.words, *self.words]
-        return task_of(words, decision_period_s=self.settings.decision_period_s)
+        return task_of(self.every_word, decision_period_s=self.settings.decision_period_s)
 
     def run(self) -> Path:
         """Train, and return the file of the policy.
@@ -174,23 +154,15 @@ class Training(ABC):
         chosen = generator.choice(drawn, count) * self.task.num_periods
         return np.where(generator.random(count) < self.settings.first_share, 0, chosen)
 
-    def told(self, flights: int) -> dict[str, Any]:
-        """Return how the training went so far."""
-        return {
-            "seed": self.seed,
-            "budget": self.budget,
-            "words": [*self.settings.words, *self.words],
-            "settings": asdict(self.settings),
-            "done": flights * self.task.mission.num_controls,
-            "flights": flights,
-        }
+    def _told(self, flights: int) -> dict[str, Any]:
+        return self.told(flights * self.task.mission.num_controls, flights)
 
     @abstractmethod
     def learn(self, rows: Floats, answers: Floats, flights: int, name: str) -> Path:
         """Learn shares of the greatest force, (n, 3), from observations, (n, 19); return the file."""
 
 
-class NetworkTraining(Training):
+class NetworkTraining(Apprenticeship):
     """The training of a network."""
 
     @cached_property
@@ -229,7 +201,7 @@ class NetworkTraining(Training):
         layers, kinds = silenced(layers, [*[TANH] * (len(layers) - 1), CLIP], self.settings.silent)
         mission = self.task.mission
         facts = {
-            "training": json.dumps(self.told(flights)),
+            "training": json.dumps(self._told(flights)),
             "decision_period_s": f"{self.task.num_periods * mission.control_period_s:g}",
         }
         path = self.folder / f"{name}.onnx"
@@ -238,7 +210,7 @@ class NetworkTraining(Training):
         return path
 
 
-class RulesTraining(Training):
+class RulesTraining(Apprenticeship):
     """The training of 27 rules: for each force nine, of two signals with three terms each.
 
     The signals are those, of the ones that follow from observations, that lower the expected error most
@@ -268,13 +240,13 @@ class RulesTraining(Training):
         fuzzy = FuzzyController("imitating", tuple(systems), tuple(attributes.items()))
         path = self.folder / f"{name}.json"
         write_text(path, serialize.dump_json(fuzzy) + "\n")
-        told = self.told(flights) | {"processor_s": time.process_time() - self.begun}
+        told = self._told(flights) | {"processor_s": time.process_time() - self.begun}
         write_text(self.folder / TOLD, json.dumps(told, indent=1) + "\n")
         return path
 
 
 #: what learns, and how unless other settings are given
-KINDS: Final[Mapping[str, tuple[type[Training], Settings]]] = {
+KINDS: Final[Mapping[str, tuple[type[Apprenticeship], Settings]]] = {
     "network": (NetworkTraining, NETWORK),
     "rules": (RulesTraining, replace(NETWORK, slack_m_s=0.03)),
 }

@@ -81,11 +81,11 @@ def by_baselines(name: str) -> Train:
 
 def by_evolution(changes: Mapping[str, Any], task: str, budget: float, seed: int, folder: Path) -> list[Path]:
     """Train by the evolution strategy of `benchmarks.evolved`."""
-    from benchmarks.evolved import SETTINGS, Training  # noqa: PLC0415 - imports the rest slowly
+    from benchmarks.evolved import SETTINGS, Evolution  # noqa: PLC0415 - imports the rest slowly
 
     settings = replace(SETTINGS["minute"], **changes)
     every = int(budget) // NUM_WRITTEN
-    Training(folder, settings, seed, int(budget), TASKS[task], every).run()
+    Evolution(folder, settings, seed, int(budget), TASKS[task], every=every).run()
     return _policies(folder)
 
 

@@ -11,7 +11,7 @@ import json
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from benchmarks.acting import MINUTE, OUTSIDE, SEEDS_APART, Acting
 from benchmarks.networks import CLIP, TANH, Layer, note_time, silenced, write_policy
+from benchmarks.training import Training
 from pipeline.flight.fly.stepping import NUM_SEEN
 from pipeline.gym.episodes import Episodes, Reward, Task, task_of
 
@@ -141,39 +142,23 @@ class Flights:
 
 
 @dataclass(frozen=True)
-class Training:
-    """One training, and what it is about.
+class Evolution(Training[Settings]):
+    """A training by evolution.
 
     Parameters
     ----------
-    folder : Path
-        Where policies are written.
-    settings : Settings
-    seed : int
-    budget : int
-        Control periods, of which no more are flown.
-    words : tuple of str
-        Of the world, after those of the settings.
     every : int, optional
         Control periods between two policies that are written; none before the last unless given.
     """
 
-    folder: Path
-    settings: Settings
-    seed: int = 1
-    budget: int = 1_000_000
-    words: tuple[str, ...] = ()
     every: int | None = None
-    #: when it began, s
-    begun: float = field(default_factory=time.process_time)
 
     @cached_property
     def task(self) -> Task:
         """What is flown, with no price of fuel, as that changes."""
         settings = self.settings
         reward = Reward(per_delta_v=0.0, outside=OUTSIDE, success=settings.success)
-        words, period = [*settings.words, *self.words], settings.decision_period_s
-        return task_of(words, reward, decision_period_s=period)
+        return task_of(self.every_word, reward, decision_period_s=settings.decision_period_s)
 
     def run(self) -> Path:
         """Train, and return the file of the policy."""
@@ -221,15 +206,7 @@ class Training:
         matrix = layers[0][0] / spread
         layers[0] = matrix, layers[0][1] - matrix @ mean
         layers, kinds = silenced(layers, [*[TANH] * (len(layers) - 1), CLIP], settings.silent)
-        described = {
-            "seed": self.seed,
-            "budget": self.budget,
-            "words": [*settings.words, *self.words],
-            "settings": asdict(settings),
-            "done": flights.num_periods,
-            "flights": flights.num_flights,
-        }
-        facts = {"training": json.dumps(described)}
+        facts = {"training": json.dumps(self.told(flights.num_periods, flights.num_flights))}
         if settings.decision_period_s is not None:
             facts["decision_period_s"] = f"{settings.decision_period_s:g}"
         path = self.folder / f"{name}.onnx"
@@ -255,7 +232,9 @@ def main(arguments: Sequence[str]) -> int:
         SETTINGS["minute"], **{name: value for name, value in given.items() if value is not None}
     )
     every = None if options.every is None else int(options.every)
-    Training(options.folder, settings, options.seed, int(options.budget), tuple(options.words), every).run()
+    Evolution(
+        options.folder, settings, options.seed, int(options.budget), tuple(options.words), every=every
+    ).run()
     return 0
 
 

@@ -101,7 +101,7 @@ def test_a_contender_tries_as_many_settings_as_any_other():
 def test_what_evolves_flies_as_the_file_that_is_written(tmp_path):
     """The forces of candidates are those that the written policy answers, with silence, at the limits too."""
     settings = evolved.Settings(hidden=4, silent=0.1, **TINY)
-    training = evolved.Training(tmp_path, settings, seed=3, budget=30_000, words=("duration_s=300",))
+    training = evolved.Evolution(tmp_path, settings, seed=3, budget=30_000, words=("duration_s=300",))
     pilot = read_policy(training.run()).pilot
     rng = np.random.default_rng(1)
     weights = rng.normal(0.0, 3.0, (1, evolved.num_weights(4)))
@@ -121,7 +121,7 @@ def test_what_evolves_flies_as_the_file_that_is_written(tmp_path):
 def test_what_a_flight_is_paid_is_what_the_environment_pays(tmp_path):
     """Candidates' returns are the sums of the rewards of `InspectionEnv` for the same acts, less the fuel."""
     settings = evolved.Settings(hidden=0, silent=0.0, **TINY)
-    task = evolved.Training(tmp_path, settings, words=("duration_s=300",)).task
+    task = evolved.Evolution(tmp_path, settings, words=("duration_s=300",)).task
     flights = evolved.Flights(task, settings, 2, 3)
     weights = np.random.default_rng(2).normal(0.0, 1.0, (2, evolved.num_weights(0)))
     layers, scaling = evolved.layers_of(weights, 0), (np.zeros(19), task.scales)
