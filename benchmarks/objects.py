@@ -75,8 +75,8 @@ def commands() -> list[tuple[str, ...]]:
         (*fleet, *RECORDED),
         (*fleet, "safety=filter", "fleet.keep_apart_m=10", *RECORDED),
         (*fleet, "safety=robust", "fleet.keep_apart_m=10", "navigation=fixes", "actuators=real", *FEW),
-        (*planning, *FEW),
-        (*planning, "navigation=fixes", "actuators=real", *FEW),
+        (*planning, *RECORDED),
+        (*planning, "navigation=fixes", "actuators=real", *RECORDED),
         ("+experiment=evaluate_fleet", "controller=champion_any_sun", "world=leo", *FEW),
         ("+experiment=evaluate_fleet", "controller=champion_leo", "world=leo", *RECORDED),
     ]
