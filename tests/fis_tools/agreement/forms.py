@@ -76,16 +76,26 @@ def as_c(cases: Sequence[Case], folder: Path) -> list[Floats | None]:
 
 
 def _called(library: ctypes.CDLL, number: int, system: FuzzySystem, rows: Floats) -> Floats:
+    """Answers of the C at rows, and then that it refuses NaN in each input, as all forms do."""
     pointer = ctypes.POINTER(ctypes.c_double)
     infer = getattr(library, f"infer_case_{number}")
-    outputs = np.empty((len(rows), len(system.outputs)))
     infer.restype = ctypes.c_double if len(system.outputs) == 1 else None
-    for row, answer in zip(np.ascontiguousarray(rows), outputs, strict=True):
-        if len(system.outputs) == 1:
+
+    def called(row: Floats) -> Floats:
+        answer = np.empty(len(system.outputs))
+        if len(answer) == 1:
             answer[0] = infer(row.ctypes.data_as(pointer))
         else:
             infer(row.ctypes.data_as(pointer), answer.ctypes.data_as(pointer))
-    return outputs
+        return answer
+
+    rows = np.ascontiguousarray(rows)
+    for index in range(rows.shape[1]):
+        row = rows[0].copy()
+        row[index] = np.nan
+        if not np.isnan(answer := called(row)).all():
+            raise ValueError(f"NaN in input {index + 1} is answered by {answer.tolist()}")
+    return np.array([called(row) for row in rows])
 
 
 def as_page(cases: Sequence[Case], folder: Path) -> list[Floats | None]:
