@@ -2,8 +2,9 @@
 
 ``python -m benchmarks onboard --flights 1000 --compilers --prove`` prints the table of
 docs/how-to/fly-on-board.md; with ``--compilers`` each flight is repeated by gcc and clang, from -O0 to -O3.
-With ``--emulate`` they are repeated on emulated Cortex-M7 and M4, and instructions and memory counted; with
-``--faults`` faults are put into each C, and the analyser must find them.
+With ``--emulate`` they are repeated on emulated Cortex-M7 and M4, and instructions and memory counted, alone
+or after the proofs of ``--prove``. With ``--faults`` faults are put into each C, and the analyser must find
+them.
 """
 
 import argparse
@@ -12,7 +13,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import get_args, get_type_hints
@@ -54,6 +55,9 @@ MISSIONS: tuple[tuple[str, ...], ...] = (
     ("champion_leo_rehearsed", "sun=random"),
     ("champion_leo_parked", "sun=random"),
     ("champion_27_rehearsed", "sun=random", "navigation=fixes", "actuators=real"),
+    ("champion_27_parked", "sun=random", "navigation=fixes", "actuators=real"),
+    ("champion_leo_rehearsed", "world=leo", "safety=robust"),
+    ("champion_leo_parked", "world=leo", "safety=robust"),
     ("champion_27_rehearsed", "sun=random", "navigation=fixes", "actuators=real", NOISE, VARYING_THRUST),
     ("champion_leo_rehearsed", "world=leo", "safety=robust", VARYING_THRUST, VARYING_DRAG),
     ("champion_leo", "sun=random", *ELLIPSE),
@@ -199,22 +203,35 @@ def main(arguments: Sequence[str]) -> None:
     chosen = parser.parse_args(arguments)
     if (chosen.prove or chosen.faults) and shutil.which("frama-c") is None:
         parser.error("frama-c was not found: apt-get install frama-c-base")
-    if not chosen.faults:
-        sys.stdout.write(emulated.HEADING if chosen.emulate else HEADING)
-    plans: list[str] = []
-    for words in champions():
-        if chosen.only and not set(words) & set(chosen.only):
-            continue
-        if chosen.faults:
+    rows = [words for words in champions() if not chosen.only or set(words) & set(chosen.only)]
+    if chosen.faults:
+        for words in rows:
             missed = missed_faults(words)
-            line = ", ".join([f"`{words[0]}`: {len(FAULTS) - len(missed)} of {len(FAULTS)} found", *missed])
-        elif chosen.emulate:
-            program, starts = program_of(words)
-            line, planned = emulated.rows(words, program, starts[: chosen.flights])
-            plans += [planned] if planned else []
-        else:
+            number = len(FAULTS) - len(missed)
+            _write(", ".join([f"`{words[0]}`: {number} of {len(FAULTS)} found", *missed]) + "\n")
+        return
+    if chosen.prove or chosen.compilers or not chosen.emulate:
+        _write(HEADING)
+        for words in rows:
             line = row(words, chosen.flights, is_proved=chosen.prove, is_by_all=chosen.compilers)
-        sys.stdout.write(line + "\n")
-        sys.stdout.flush()
+            _write(line + "\n")
+    if chosen.emulate:
+        _emulate(rows, chosen.flights)
+
+
+def _emulate(rows: Iterable[Sequence[str]], num_flights: int) -> None:
+    """Print the table of what processors take, then that of plans."""
+    plans: list[str] = []
+    _write(emulated.HEADING)
+    for words in rows:
+        program, starts = program_of(words)
+        line, planned = emulated.rows(words, program, starts[:num_flights])
+        plans += [planned] if planned else []
+        _write(line + "\n")
     if plans:
-        sys.stdout.write("\n" + emulated.PLANS + "".join(f"{each}\n" for each in plans))
+        _write("\n" + emulated.PLANS + "".join(f"{each}\n" for each in plans))
+
+
+def _write(text: str) -> None:
+    sys.stdout.write(text)
+    sys.stdout.flush()

@@ -15,8 +15,8 @@ from pipeline.flight.state.log import LIMITS
 from pipeline.onboard.program import OnboardProgram
 from pipeline.onboard.values import number_text
 
-#: functions that each control period of a flight ahead calls
-PARTS = ("decide", "assure", "move_ahead")
+#: functions that each control period of a flight ahead calls, and that each part of a search does
+PARTS = ("decide", "assure", "move_ahead", "select_cheaper")
 _FUNCTION = re.compile(r"^(?:static )?[\w ]+?\*?(\w+)\(([^;{}]*)\)\n\{\n(.*?)^\}", re.MULTILINE | re.DOTALL)
 
 
@@ -38,8 +38,8 @@ class AnalysedPart:
     name : str
     arguments : str
         As it declares them; the first is the state.
-    numbers : sequence of str
-        Names of its other arguments: control periods.
+    numbers : sequence of StateMember
+        Its other arguments, as a state's members are described.
     shared : sequence of StateMember
         That it reads or writes, and other functions too.
     private : sequence of StateMember
@@ -50,7 +50,7 @@ class AnalysedPart:
 
     name: str
     arguments: str
-    numbers: Sequence[str]
+    numbers: Sequence[StateMember]
     shared: Sequence[StateMember]
     private: Sequence[StateMember]
     others: Sequence[StateMember]
@@ -77,7 +77,7 @@ def parts_of(
         StateMember(name, [length for length in shape if length != 1], kind, ranges.get(name))
         for name, (shape, kind) in members.items()
     ]
-    parts = []
+    parts, translated = [], {function.name: function for function in program.translator.functions}
     for name in filter(functions.__contains__, PARTS):
         bodies = [functions[each][1] for each in _called(name, functions)]
         touched, rest = _members_of("".join(bodies)), text
@@ -85,9 +85,10 @@ def parts_of(
             rest = rest.replace(body, "")
         elsewhere = _members_of(rest)
         arguments = functions[name][0]
-        numbers = re.findall(r"\bint (\w+)", arguments)
-        if len(numbers) != arguments.count(","):
-            raise ValueError(f"{name}({arguments}) takes more than a state and control periods")
+        numbers = [
+            StateMember(number, (), kind, span and (str(span[0]), str(span[1])))
+            for number, (kind, span) in translated[name].parameters.items()
+        ]
         known = [member for member in described if member.name.partition(".")[0] in touched]
         shared = [member for member in known if member.name.partition(".")[0] in elsewhere]
         private = [member for member in known if member not in shared]
@@ -109,7 +110,9 @@ def _ranges(program: OnboardProgram) -> dict[str, tuple[str, str]]:
         **dict.fromkeys(("unseen", "lit"), (0.0, 1.0)),
     }
     exact = {name: (number_text(least), number_text(most)) for name, (least, most) in doubles.items()}
-    return {**exact, "leading": ("-1", str(most_rules - 1))}
+    spans = {**program.translator.setting.ranges, **(program.planner.ranges if program.planner else {})}
+    whole = {name: (str(least), str(most)) for name, (least, most) in spans.items()}
+    return {**exact, **whole, "leading": ("-1", str(most_rules - 1))}
 
 
 def _called(name: str, functions: Mapping[str, tuple[str, str]]) -> Iterator[str]:

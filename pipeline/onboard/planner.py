@@ -93,6 +93,8 @@ class PushPlanner:
         Whether motion follows the chief's true course.
     functions : tuple of str
         Of the C, that the search alone calls.
+    ranges : mapping of str to (int, int)
+        Least and greatest of members of the state that are whole numbers, as the search keeps them.
     members : mapping of str to (shape, kind)
         Of the state, that the entries alone use.
     again : Replanning or None
@@ -114,6 +116,7 @@ class PushPlanner:
     has_tail: bool
     follows_course: bool
     functions: tuple[str, ...]
+    ranges: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     members: Mapping[str, tuple[tuple[int, ...], str]] = field(default_factory=dict)
     again: Replanning | None = None
 
@@ -180,6 +183,7 @@ def write_planner(
         has_tail=search.has_tail,
         follows_course=search.follows_course,
         functions=tuple(function.name for function in translator.functions[num_before:]),
+        ranges=search.ranges,
         members={
             "plan_draws": ((8,), "unsigned int"),
             **{f"plan_{name}": ((1,), "int") for name in COUNTERS},

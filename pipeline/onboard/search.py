@@ -91,6 +91,8 @@ class OnboardSearch:
     """
 
     def __init__(self, translator: Translator, deputies: Deputies) -> None:
+        #: least and greatest of members of the state that are whole numbers, as the search keeps them
+        self.ranges: dict[str, tuple[int, int]] = {}
         ((self._known, _),) = deputies.outlooks()
         self._translator, self._deputies = translator, deputies
         self._num_pushes, self._num_points = deputies.num_pushes, self._known.is_lit.shape[1]
@@ -114,8 +116,13 @@ class OnboardSearch:
     def _counted(self, array: Array, name: str) -> Any:
         """Return an array of which only so many rows are in use as a member counts."""
         self._translator.member(f"plan_{name}", (1,), "int")
-        count = Expression(f"state->plan_{name}", "int", range=(1, array.shape_whole[0]))
+        count = self._count(name, 1, array.shape_whole[0])
         return Begun(array.name, array.shape_whole, array.kind, array.data, count=count)
+
+    def _count(self, name: str, least: int, most: int) -> Expression:
+        """Return a member that counts, and note its range."""
+        self.ranges[f"plan_{name}"] = 0, most  # 0 until a search begins
+        return Expression(f"state->plan_{name}", "int", range=(least, most))
 
     def _table(self, name: str, data: Floats) -> Any:
         return self._counted(Array(f"plan_{name}", data.shape, "double", np.ascontiguousarray(data)), name)
@@ -125,6 +132,7 @@ class OnboardSearch:
         return Expression(name, "int", True, (least, most))
 
     def _pricing_of(self, num_samples: int) -> Pricing:
+        self.ranges["plan_seen_at"] = 0, num_samples - 1
         return Pricing(
             effects=np.ascontiguousarray(self._known.gain.transpose(2, 0, 1)).reshape(3, -1),
             samples=samples_coarsely(num_samples),
@@ -159,7 +167,7 @@ class OnboardSearch:
         """Return the search with the plans alone that are tried in a call."""
         num_plans = self._search.plans.shape[0]
         count = num_tried(num_plans)
-        begins = Expression("state->plan_tried", "int", range=(0, num_plans - count))
+        begins = self._count("tried", 0, num_plans - count)
         parts: dict[str, Any] = {
             name: Begun(array.name, array.shape_whole, array.kind, count=count, begins=begins)
             for name, array in self._search._asdict().items()
@@ -229,20 +237,20 @@ class OnboardSearch:
     def _from_now(self, name: str, data: Floats) -> Any:
         """Return the rows of a table from where a search begins on."""
         self._translator.member(f"plan_{name}", (1,), "int")
-        count = Expression(f"state->plan_{name}", "int", range=(1, len(data)))
+        count = self._count(name, 1, len(data))
         return Begun(f"plan_{name}", data.shape, "double", data, count=count, begins=self._begins)
 
     def _strided(self, name: str, data: Floats, most: int) -> Any:
         """Return rows of a table from where a search begins on, as far apart as those of a tail."""
         self._translator.member("plan_rows", (1,), "int")
-        count = Expression("state->plan_rows", "int", range=(1, most))
+        count = self._count("rows", 1, most)
         stride = tail_stride(self._deputies.mission)
         table = Strided(f"plan_{name}", data.shape, "double", data, count=count, stride=stride)
         return replace(table, begins=self._begins)
 
     @property
     def _begins(self) -> Expression:
-        return Expression("state->plan_period", "int", range=(0, self._deputies.world.num_controls - 1))
+        return self._count("period", 0, self._deputies.world.num_controls - 1)
 
     def _priced(self, required: Any) -> Outlook:
         """Return the outlook that plans are priced by: its limits depend on how far the estimate is off."""
@@ -354,8 +362,7 @@ class OnboardSearch:
         """The outlook of the plan that is flown, while another one may be searched for."""
         if self._deputies.is_certain:
             return self._outlook(0)
-        most = int(self._free.shape_whole[0])
-        return self._outlook(0, Expression("state->plan_flown_samples", "int", range=(1, most)))
+        return self._outlook(0, self._count("flown_samples", 1, int(self._free.shape_whole[0])))
 
     def of_later_plans(self) -> dict[str, Entry]:
         """Return the functions that plan again, and fly ahead, each with its arguments, by name."""

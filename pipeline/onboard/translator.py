@@ -134,8 +134,7 @@ class Translator(Loops):
         outer, source = self._function, self.source(function)
         self._function = Function(name, source)
         self._names.add(name)
-        parameters: list[str] = []
-        given: list[str] = []
+        parameters, given = self.function.parameters, list[str]()
 
         def parameter(leaf: Any, leaf_name: str) -> Any:
             if isinstance(leaf, Array):
@@ -144,7 +143,7 @@ class Translator(Loops):
             if not isinstance(leaf, Expression):
                 return leaf
             variable = self.fresh(leaf_name)
-            parameters.append(f"{C_TYPES[leaf.kind]} {variable}")
+            parameters[variable] = C_TYPES[leaf.kind], leaf.range
             given.append(bare(leaf.text))
             return Expression(variable, leaf.kind, True, leaf.range)
 
@@ -158,7 +157,8 @@ class Translator(Loops):
             c_type = self._returned(result)
         finally:
             self._function = outer
-        text = ", ".join(["struct controller *state", *parameters])
+        numbers = (f"{kind} {variable}" for variable, (kind, _) in parameters.items())
+        text = ", ".join(["struct controller *state", *numbers])
         written.signature = f"{c_type} {name}({text})"
         written.lines = pruned(written.lines)
         self.functions.append(written)

@@ -11,7 +11,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from fis_tools.formats.c.text import WORDS
-from pipeline.onboard.allowed import C_TYPES, TranslationError, check_stored, union
+from pipeline.onboard.allowed import C_TYPES, Range, TranslationError, check_stored, union
 from pipeline.onboard.values import (
     Accumulator,
     Array,
@@ -128,6 +128,8 @@ class Function:
     #: conditions that hold, or do not, where what is written now runs
     known: Mapping[str, bool] = field(default_factory=dict)
     signature: str = ""
+    #: its numbers, each with its kind, and with its range, or None
+    parameters: dict[str, tuple[str, Range]] = field(default_factory=dict)
 
 
 class Made(np.ndarray[Any, Any]):

@@ -58,19 +58,25 @@ def program(request):
     return translate(flown(request.param), from_fuzzy(serialize.load(SHIPPED[request.param])))
 
 
+def number(kind, limits):
+    """Return C that draws a number in its range."""
+    if kind == "double":
+        least, most = limits or ("-1.0", "1.0")
+        return f"({least} + (drawn() * (({most}) - ({least}))))"
+    least, most = limits or ("0", "1")
+    return f"({kind})floor({least} + (drawn() * (({most}) - ({least}) + 1)))"
+
+
 def trying(part):
     """Return C that draws what a part shares, calls it, and prints what it may touch, then all else."""
     yield f"    memset(&state, 0, sizeof state); /* {part.name} */"
     yield from (f"    memset(&state.{each.name}, octet, sizeof state.{each.name});" for each in part.others)
     for each in part.shared:
-        if each.kind == "double":
-            least, most = each.limits or ("-1.0", "1.0")
-            span = f"({least} + (drawn() * (({most}) - ({least}))))"
-            count = f"sizeof state.{each.name} / sizeof(double)"
-            yield f"    for (size_t i = 0; i < {count}; ++i) {{"
-            yield f"        ((double *)&state.{each.name})[i] = {span};"
-            yield "    }"
-    yield f"    {part.name}(&state{''.join(', 0' for _ in part.numbers)});"
+        yield f"    for (size_t i = 0; i < sizeof state.{each.name} / sizeof({each.kind}); ++i) {{"
+        yield f"        (({each.kind} *)&state.{each.name})[i] = {number(each.kind, each.limits)};"
+        yield "    }"
+    given = "".join(f", {number(each.kind, each.limits)}" for each in part.numbers)
+    yield f"    {part.name}(&state{given});"
     yield from (
         f"    note(&state.{each.name}, sizeof state.{each.name});" for each in part.shared + part.private
     )
@@ -158,15 +164,18 @@ def test_the_analyser_finds_what_a_part_does_beyond_what_is_said_of_it(fault, ex
     assert analysed(folder, entry(folder, "move_ahead")) == (fault == "none")
 
 
-@pytest.mark.parametrize(("state", "is_well"), [("num_unseen = 3.0", True), ("num_unseen = 1.0e3", False)])
+@pytest.mark.parametrize(
+    ("num_unseen", "period", "is_well"), [(3.0, 1, True), (1e3, 1, False), (3.0, -1, False)]
+)
 def test_the_analyser_finds_who_calls_a_part_with_what_it_does_not_count_on(
-    state, is_well, exported, tmp_path
+    num_unseen, period, is_well, exported, tmp_path
 ):
     folder = shutil.copytree(exported, tmp_path / "called")
     (folder / "evidence" / "any_input.c").write_text(
         '#include "../controller.h"\n'
         "void decide(struct controller *state, int now_k);\n"
-        f"int main(void) {{ static struct controller state; state.{state}; decide(&state, 1); return 0; }}\n"
+        "static struct controller state;\n"
+        f"int main(void) {{ state.num_unseen = {num_unseen}; decide(&state, {period}); return 0; }}\n"
     )
     line = re.sub(r"-main \w+ ", "", entry(folder, "decide"))
     assert analysed(folder, line) == is_well
