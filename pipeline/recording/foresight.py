@@ -133,11 +133,13 @@ def _path(mission: Mission, log: FlightLog, sample: int, plan: Floats) -> Floats
     count = world.num_controls - sample
     if follows_course(course):
         constants, path = course.back[sample] @ known, np.empty((count + 1, 3))
-        forces = {int(begin): np.array(force) for begin, *force in plan if begin >= 0.0}
+        forces = np.zeros((count + 1, 3))
+        for begin, *force in plan[(plan[:, 0] >= 0.0) & (plan[:, 0] < world.num_controls)]:
+            forces[int(begin) - sample] += force
         for k in range(sample, world.num_controls + 1):
             path[k - sample] = course.onward[k, :3] @ constants
-            if k in forces and k < world.num_controls:
-                constants = constants + course.back[k + 1] @ course.pushes[k] @ forces[k]
+            if k < world.num_controls:
+                constants = constants + course.back[k + 1] @ course.pushes[k] @ forces[k - sample]
         return path[:: max(1, round(PATH_PERIOD_S / mission.control_period_s))]
     motion = repeated(world.motion, max(1, count))
     path = np.vstack([known[:3], motion.transition[:count, :3] @ known])

@@ -144,6 +144,24 @@ def test_a_recording_keeps_plans_their_paths_and_flights_ahead():
     np.testing.assert_allclose(later.paths_m[:3], log.position_m[60], atol=0.06)
 
 
+@pytest.mark.parametrize("motion", [(), ("dynamics=two_body", "orbit.course=true")], ids=" ".join)
+def test_pushes_at_once_lead_where_their_sum_does(motion):
+    mission, log = cases.composed(*WORDS, *motion).experiment.mission, flight()
+    at_once = ((0.0, 0.012, 0.0, 0.0), (0.0, 0.0, -0.024, 0.0144), NONE)
+    joined = ((0.0, 0.012, -0.024, 0.0144), NONE, NONE)
+    plans = np.array([[at_once, joined, *[NOTHING] * 3]])
+    together = log._replace(
+        foresight_at=log.foresight_at[:1],
+        foresight_plans=plans,
+        foresight_prices_m_s=log.foresight_prices_m_s[:1],
+        foresight_ends_m_s=log.foresight_ends_m_s[:1],
+    )
+    one_by_one, at_a_time = np.reshape(
+        recorded_decisions(mission, together)["plan of pushes"].paths_m, (2, -1)
+    )
+    np.testing.assert_array_equal(one_by_one, at_a_time)
+
+
 def test_each_push_that_parks_is_told_in_mm_a_second():
     log = cases.flown(*WORDS)
     reason, force = log.command_reason.copy(), np.zeros_like(log.force_asked_n)
