@@ -28,7 +28,7 @@ from pipeline.flight.fly.fleets import (
     fly_chosen,
 )
 from pipeline.flight.fly.lesser_controllers import finishing
-from pipeline.flight.fly.outlooks import Deputies, at_start, by_then, room_for_known
+from pipeline.flight.fly.outlooks import Deputies, at_start, by_then, num_missed, room_for_known
 from pipeline.flight.fly.rehearsals import rehearsed_costs
 from pipeline.flight.fly.replanning import (
     COASTING,
@@ -42,6 +42,7 @@ from pipeline.flight.fly.replanning import (
 )
 from pipeline.flight.fly.tours import tour_images
 from pipeline.flight.state.log import Scenario
+from pipeline.flight.state.signals import constant
 from pipeline.settings.experiment import Mission
 from pipeline.threads import in_threads
 
@@ -172,6 +173,14 @@ class _Planning:
             self._plan(deputies, openings)
         return self._following(openings)._replace(decisions=tuple(self._decisions))
 
+    @property
+    def _keeps_reserve(self) -> bool:
+        """Whether plans will be made again, and miss fewer points than the rules accept before they coast."""
+        planned, accepted = (
+            self._controller.constants[constant(name)] for name in ("foresight_points", "coast_below_points")
+        )
+        return self._period > 0 and planned > 0.0 and num_missed(planned) < num_missed(accepted)
+
     def _following(self, openings: Floats, fleets: Integers | slice = slice(None)) -> Chosen:
         """Return some fleets as they follow openings, (m D, K, 4)."""
         return Chosen((self._flown,), self._alike[fleets], np.ascontiguousarray(openings))
@@ -214,8 +223,8 @@ class _Planning:
     def _ends(self, fleets: Integers, deputies: Sequence[Deputies], ways: Floats) -> Floats:
         """Return what flights ahead of m fleets cost, (len(WAYS), m), m/s; NaN of those that are not flown.
 
-        Where plans will be made again, rules compete only where coasting after the plans misses points or
-        leaves the limits: what they fire depends on errors as plans do not.
+        Where plans keep a reserve, rules, which keep none, compete only where coasting after the plans misses
+        points or leaves the limits.
         """
         count = self._mission.fleet.deputies
 
@@ -226,7 +235,8 @@ class _Planning:
 
         ends, coasted = np.full((len(WAYS), len(fleets)), np.nan), fly(COASTING, np.arange(len(fleets)))
         ends[COASTING] = self._costs(coasted)
-        compared = np.flatnonzero((self._period == 0) | (ends[COASTING] > coasted.delta_v_m_s))
+        is_short = ends[COASTING] > coasted.delta_v_m_s
+        compared = np.flatnonzero(is_short | (not self._keeps_reserve))
         for way in (FINISHING, RULES) if len(compared) else ():
             ends[way, compared] = self._costs(fly(way, compared))
         return ends

@@ -191,9 +191,11 @@ def test_plans_made_again_depend_on_neither_workers_nor_neighbours():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("keeps_reserve", [False, True])
 @pytest.mark.parametrize("words", [(), ("safety=robust", "fleet.keep_apart_m=10")], ids=" ".join)
-def test_each_log_says_what_was_planned_when(words):
-    mission, controller, scenarios = composed("monte_carlo.num_cases=1", *INEXACT, *words)
+def test_each_log_says_what_was_planned_when(words, keeps_reserve):
+    reserve = ("+controller.attributes.foresight_points=1.0",) * keeps_reserve
+    mission, controller, scenarios = composed("monte_carlo.num_cases=1", *INEXACT, *words, *reserve)
     flown, logs = (
         fly_all_fleets(mission, controller, scenarios, 1),
         fly_logged_fleet(mission, controller, scenarios[0]),
@@ -212,9 +214,9 @@ def test_each_log_says_what_was_planned_when(words):
         fuels = np.abs(planned).sum(axis=(0, 2, 3)) * mission.control_period_s / mission.deputy.mass_kg
         for decision in range(0 if words else len(samples)):  # where nothing keeps deputies apart
             plan, ends = log.flight.foresight_plans[decision, 0], log.flight.foresight_ends_m_s[decision]
-            if log.flight.foresight_at[decision, 1] > 0:  # rules compete where coasting does not do
+            if log.flight.foresight_at[decision, 1] > 0:  # rules keep no reserve, so that plans come first
                 is_enough = ends[COASTING] <= fuels[decision] + 1e-9
-                assert np.isnan(ends[[FINISHING, RULES]]).all() == is_enough
+                assert np.isnan(ends[[FINISHING, RULES]]).all() == (is_enough and keeps_reserve)
             now = plan[plan[:, 0] == samples[decision], 1:].sum(axis=0)
             if np.nanargmin(ends) == COASTING and np.abs(now).max() < mission.deputy.max_force_n:
                 requested = log.flight.force_asked_n[int(samples[decision])]
