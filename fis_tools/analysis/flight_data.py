@@ -131,6 +131,8 @@ class Points:
         no point's doing.
     is_missed : (P,), optional
         Whether it stays unseen if nothing is fired any more; None where the controller does not ask.
+    is_shared : bool
+        Whether other deputies look for points too.
     """
 
     latitude_deg: Floats
@@ -138,6 +140,7 @@ class Points:
     dark_in_s: Floats
     parts: dict[str, Floats]
     is_missed: Booleans | None
+    is_shared: bool = False
 
 
 @dataclass(frozen=True)
@@ -154,12 +157,15 @@ class PointsAlong:
         Whether the controller asks then what would stay unseen.
     names : tuple of str
         The inputs.
+    is_shared : bool
+        See `Points`.
     """
 
     cloud: "TopicColumns"
     start_s: Floats
     is_asked: Booleans
     names: tuple[str, ...]
+    is_shared: bool = False
 
     def at(self, time_s: float) -> Points | None:
         """Return the points in the control period that contains a time, s; None before the first."""
@@ -174,4 +180,5 @@ class PointsAlong:
             cloud["last_light_s"][row].astype(np.float64) - self.start_s[period],
             {name: cloud[name][row].astype(np.float64) for name in self.names},
             cloud["is_missed"][row] != 0 if self.is_asked[period] else None,
+            self.is_shared,
         )

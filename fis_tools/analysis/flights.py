@@ -36,6 +36,8 @@ TOPIC_PREFIX = "/fis/"
 CONSTANTS_METADATA = "constants"
 CONTROL_TOPICS = "*/control"
 PULLS_TOPICS, PULLS_METADATA = "*/pulls", "pulls"
+#: what only recordings of a deputy of a fleet say of their episode
+EPISODE_METADATA, FLEET_KEY = "episode", "fleet_deputies"
 #: where a flight ends
 MISSION_TOPIC = "/mission"
 
@@ -246,7 +248,9 @@ def _points_of(recording: "Recording") -> PointsAlong | None:
     if missing := {"last_light_s", "is_missed", *names} - numbers or {"position_m"} - cloud.columns.keys():
         lacking = ", ".join(sorted(missing))
         raise ControllerFileError(f"{recording.path}: {cloud.topic} lacks {lacking}; log it again")
-    return PointsAlong(cloud, control.time_s, np.isfinite(control["coasting_missed"]), names)
+    is_asked = np.isfinite(control["coasting_missed"])
+    is_shared = FLEET_KEY in recording.metadata.get(EPISODE_METADATA, {})
+    return PointsAlong(cloud, control.time_s, is_asked, names, is_shared)
 
 
 def _period(flown: FlownSystem, start_s: float, recording: "Recording | None") -> Period:

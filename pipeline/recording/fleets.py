@@ -10,16 +10,17 @@ from pipeline.recording.events import Event
 from pipeline.settings.experiment import Mission
 
 
-def fleet_events(mission: Mission, log: DeputyLog, num_deputies: int) -> list[Event]:
+def fleet_events(mission: Mission, log: DeputyLog, num_deputies: int, stride: int = 1) -> list[Event]:
     """Return what a deputy left to others, when it had nothing else to do, and who saw what, by time.
 
+    It decides, and leaves points, every `stride` control periods.
     If it rehearsed tours, or planned, also that the fleet chose together.
     """
     happened = [
         *_touring(log, num_deputies),
         *_planning(log, num_deputies),
         *_leaving(mission, log),
-        *_idling(log),
+        *_idling(log, stride),
     ]
     happened.append(_shares(log, num_deputies))
     return sorted(happened, key=lambda event: event.sample)
@@ -63,17 +64,18 @@ def _outlook(mission: Mission, log: DeputyLog, sample: int, points: Integers) ->
     )
 
 
-def _idling(log: DeputyLog) -> Iterator[Event]:
+def _idling(log: DeputyLog, stride: int) -> Iterator[Event]:
     """Yield when a deputy begins to coast because all that is unseen is left to others."""
-    is_counted = log.flight.is_inspectable
-    is_open = (log.seen_by[:-1] == 0) & is_counted
-    is_idle = is_open.any(axis=1) & ~np.any(is_open & (log.left_to == 0), axis=1)
-    for sample in np.flatnonzero(np.diff(is_idle, prepend=False) & is_idle).tolist():
-        others = np.unique(log.left_to[sample][is_open[sample]]).tolist()
+    left_to, is_counted = log.left_to[::stride], log.flight.is_inspectable
+    is_open = (log.seen_by[:-1:stride] == 0) & is_counted
+    is_idle = is_open.any(axis=1) & ~np.any(is_open & (left_to == 0), axis=1)
+    for row in np.flatnonzero(np.diff(is_idle, prepend=False) & is_idle).tolist():
+        others = np.unique(left_to[row][is_open[row]]).tolist()
         names = " and ".join(f"deputy {other}" for other in others)
-        count = int(is_open[sample].sum())
-        words = f"coasts: all {count} unseen points are left to {names}, and coasting keeps the limits"
-        yield Event(sample, "info", words)
+        count = int(is_open[row].sum())
+        noun = f"all {count} unseen points are" if count > 1 else "the only unseen point is"
+        words = f"coasts: {noun} left to {names}, and coasting keeps the limits"
+        yield Event(row * stride, "info", words)
 
 
 def _shares(log: DeputyLog, num_deputies: int) -> Event:

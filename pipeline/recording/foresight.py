@@ -85,7 +85,8 @@ def decisions_in_words(mission: Mission, log: FlightLog) -> Iterator[tuple[int, 
             RULES: "but the rules alone are cheaper",
             REHEARSED: "but what the rules rehearse is cheaper",
         }[best]
-        yield sample, f"{sentence}; {then}. Firing nothing from here would leave {missed} points unseen"
+        unseen = f"{missed} point{'s' * (missed != 1)} unseen"
+        yield sample, f"{sentence}; {then}. Firing nothing from here would leave {unseen}"
 
 
 def decision_at(mission: Mission, log: FlightLog, sample: int) -> str:
@@ -93,9 +94,14 @@ def decision_at(mission: Mission, log: FlightLog, sample: int) -> str:
     return next((words for at, words in [*decisions_in_words(mission, log)][::-1] if at <= sample), "")
 
 
-def recorded_decisions(mission: Mission, log: FlightLog) -> dict[str, Rehearsal]:
-    """Return the candidates of each decision, and the flights ahead, by what was chosen."""
+def recorded_decisions(mission: Mission, log: FlightLog, num_deputies: int = 1) -> dict[str, Rehearsal]:
+    """Return the candidates of each decision, and the flights ahead, by what was chosen.
+
+    Of a fleet they are the deputy's part in plans, with what these cost all.
+    """
     period, rehearsals = mission.control_period_s, {}
+    of_fleet = f" of {num_deputies} deputies" if num_deputies > 1 else ""
+    planned = f"part in a plan{of_fleet}" if of_fleet else "plan of pushes"
     begins = (log.foresight_at[:, 0] * period).tolist()
     for row, begin in enumerate(begins):
         end = begins[row + 1] if row + 1 < len(begins) else mission.duration_s
@@ -106,7 +112,7 @@ def recorded_decisions(mission: Mission, log: FlightLog) -> dict[str, Rehearsal]
         )
         plans = log.foresight_plans[row][is_plan]
         paths = [_path(mission, log, sample, plan) for plan in plans]
-        rehearsals[f"plan of pushes{later}"] = Rehearsal(
+        rehearsals[planned + later] = Rehearsal(
             names=tuple(plan_in_words(mission, plan, sample) for plan in plans),
             costs_m_s=tuple(log.foresight_prices_m_s[row][is_plan].tolist()),
             num_tried=max(num_priced, len(plans)),
@@ -114,7 +120,7 @@ def recorded_decisions(mission: Mission, log: FlightLog) -> dict[str, Rehearsal]
             from_s=begin,
             until_s=end,
         )
-        rehearsals[f"flight ahead{later}"] = Rehearsal(
+        rehearsals[f"flight ahead{of_fleet}{later}"] = Rehearsal(
             names=tuple(name for name, was_flown in zip(ENDS, is_flown, strict=True) if was_flown),
             costs_m_s=tuple(log.foresight_ends_m_s[row][is_flown].tolist()),
             from_s=begin,
@@ -133,11 +139,13 @@ def _path(mission: Mission, log: FlightLog, sample: int, plan: Floats) -> Floats
     count = world.num_controls - sample
     if follows_course(course):
         constants, path = course.back[sample] @ known, np.empty((count + 1, 3))
-        forces = {int(begin): np.array(force) for begin, *force in plan if begin >= 0.0}
+        forces = np.zeros((count + 1, 3))
+        for begin, *force in plan[(plan[:, 0] >= 0.0) & (plan[:, 0] < world.num_controls)]:
+            forces[int(begin) - sample] += force
         for k in range(sample, world.num_controls + 1):
             path[k - sample] = course.onward[k, :3] @ constants
-            if k in forces and k < world.num_controls:
-                constants = constants + course.back[k + 1] @ course.pushes[k] @ forces[k]
+            if k < world.num_controls:
+                constants = constants + course.back[k + 1] @ course.pushes[k] @ forces[k - sample]
         return path[:: max(1, round(PATH_PERIOD_S / mission.control_period_s))]
     motion = repeated(world.motion, max(1, count))
     path = np.vstack([known[:3], motion.transition[:count, :3] @ known])

@@ -153,12 +153,16 @@ class FlightRecorder:
         if settings:  # drawn for this flight alone
             of_case, scenario = copy(self), replace(scenario, settings=settings)
             of_case._enter(mission_of_case(self.mission, scenario))
-        episode = of_case._episode(scenario, scenario_id, log)
+        episode, num_deputies = of_case._episode(scenario, scenario_id, log), 1
         if of_fleet is not None:
-            fleet, deputy = self._fleet, of_fleet.deputy
-            episode |= {"deputy": json.dumps(deputy), "fleet_deputies": json.dumps(fleet.deputies)}
+            fleet, deputy, num_deputies = self._fleet, of_fleet.deputy, self._fleet.deputies
+            episode |= {"deputy": json.dumps(deputy), "fleet_deputies": json.dumps(num_deputies)}
             episode["fleet_sharing"] = fleet.sharing
-        metadata = {topics.EPISODE_METADATA: episode, **self._systems, **of_case._rehearsals(log)}
+        metadata = {
+            topics.EPISODE_METADATA: episode,
+            **self._systems,
+            **of_case._rehearsals(log, num_deputies),
+        }
         with EpisodeWriter(path, metadata=metadata, attachments=self._attachments) as writer:
             of_case._write(writer, log, of_fleet)
 
@@ -189,7 +193,7 @@ class FlightRecorder:
         count = json.dumps(len(self._points))
         return {**description.to_metadata(), "inspection_radius_m": radius, "num_points": count}
 
-    def _rehearsals(self, log: FlightLog) -> dict[str, dict[str, str]]:
+    def _rehearsals(self, log: FlightLog, num_deputies: int) -> dict[str, dict[str, str]]:
         """Return the estimated cost of each alternative: first pushes, tours, and plans of pushes."""
         ways = [along_axes(MM_PER_M * push) for push in rehearsed_pushes(self.controller)]
         period, names = self.mission.control_period_s, tour_names(self.controller)
@@ -205,7 +209,7 @@ class FlightRecorder:
             what: Rehearsal(names=tuple(names), costs_m_s=tuple(costs.tolist()), until_s=end, from_s=begin)
             for what, (names, costs, begin, end) in rehearsals.items()
         }
-        records |= recorded_decisions(self.mission, log)
+        records |= recorded_decisions(self.mission, log, num_deputies)
         return {
             topics.REHEARSAL_METADATA_PREFIX + what: record.to_metadata() for what, record in records.items()
         }
@@ -256,7 +260,8 @@ class FlightRecorder:
             writer.log(times[0], "warning", f"{serialize.original_name(fuzzy)} was edited {how}")
         happened = events(self.mission, log, self._near_limit_m, self.controller)
         if of_fleet is not None:
-            happened += fleet_events(self.mission, of_fleet, self._fleet.deputies)
+            stride = decision_stride(self.controller, self.mission)
+            happened += fleet_events(self.mission, of_fleet, self._fleet.deputies, stride)
         for event in sorted(happened, key=lambda event: event.sample):
             writer.log(times[event.sample], event.level, event.text)
 

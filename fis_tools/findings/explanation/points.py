@@ -83,16 +83,15 @@ def missed(points: Points) -> Document | None:
     if points.is_missed is None:
         return None
     indices = np.flatnonzero(points.is_missed).tolist()
-    if not indices:
-        return Document([Paragraph("firing nothing any more would leave no point unseen")])
-    noun = f"{len(indices)} of {len(points.is_missed)} points"
+    noun = f"{len(indices)} of {len(points.is_missed)} points" if indices else "no point"
+    words = f"firing nothing any more would leave {noun} unseen"
+    if points.is_shared:
+        some = f"not see {noun}" if indices else "see all points"
+        words = f"firing nothing any more, this deputy would {some} that it looks for"
     if len(indices) > FEW_POINTS:
-        words = f"firing nothing any more would leave {noun} unseen, marked o among the others:"
-        return Document([Paragraph(words), Code(_map_of(points))])
+        return Document([Paragraph(f"{words}, marked o among the others:"), Code(_map_of(points))])
     named = [f"{index} at {' '.join(_where(points, index)[1:3])}" for index in indices]
-    return Document(
-        [Paragraph(f"firing nothing any more would leave {noun} unseen: {listed(named, MOST_POINTS)}")]
-    )
+    return Document([Paragraph(f"{words}: {listed(named, MOST_POINTS)}" if named else words)])
 
 
 def _map_of(points: Points) -> str:

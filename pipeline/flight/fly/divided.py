@@ -84,17 +84,26 @@ class Team:
         return sum(search.num_priced for search in self.searches)
 
     def divided(self) -> Floats:
-        """Return the genes of the cheapest plans together, (D, 4 pushes - 1); of the last, if these hold."""
+        """Return the genes of the cheapest plans together, (D, 4 pushes - 1); of the last, if these hold.
+
+        The first plans are the cheapest of as many attempts as the controller's `foresight_searches`.
+        """
         if self.last is not None and self.is_held:
             return self.last
+        again = 0 if self.last is not None else round(self.deputies.constant("foresight_searches")) - 1
+        attempts = [(), *((attempt,) for attempt in range(1, again + 1))]
+        return min(map(self._attempted, attempts), key=self.price)
+
+    def _attempted(self, attempt: tuple[int, ...]) -> Floats:
+        """Return the genes of the cheapest plans together that an attempt finds, (D, 4 pushes - 1)."""
         count = len(self.outlooks)
-        plans = [self.answered(first) for first in range(count)]
+        plans = [self.answered(first, attempt) for first in range(count)]
         answers = sorted(plans if self.last is None else [*plans, self.last], key=self.price)
         known = np.array([genes.ravel() for genes in answers])
-        together = self._searched(range(count), known, answers[0], (count,), self.outlooks)
+        together = self._searched(range(count), known, answers[0], (count, *attempt), self.outlooks)
         return min(answers[0], together, key=self.price)
 
-    def answered(self, first: int) -> Floats:
+    def answered(self, first: int, attempt: tuple[int, ...] = ()) -> Floats:
         """Return the genes of plans by answers in turn, (D, 4 pushes - 1), the first made as if alone."""
         count = len(self.outlooks)
         genes, price = np.zeros((count, 4 * self.num_pushes - 1)), np.inf
@@ -103,7 +112,7 @@ class Team:
             before = price
             for deputy in order:
                 changed = genes.copy()
-                changed[deputy] = self._answer(genes, deputy, (first, turn))
+                changed[deputy] = self._answer(genes, deputy, (first, turn, deputy, *attempt))
                 if (cost := self.price(changed)) < price:
                     price, genes = cost, changed
             if not price < before - LEAST_GAIN_M_S:
@@ -123,11 +132,11 @@ class Team:
         nobody = np.zeros((0, *outlooks[0].free.shape))
         return joint_outlook(outlooks, self.num_pushes, reach, nobody, self.apart)
 
-    def _answer(self, genes: Floats, deputy: int, turn: tuple[int, int]) -> Floats:
+    def _answer(self, genes: Floats, deputy: int, key: tuple[int, ...]) -> Floats:
         """Return the cheapest plan that a search finds for a deputy beside those of others."""
-        is_known, left = genes[deputy].any() or turn[1] > 0, [self._left(genes, deputy)]
-        known = genes[deputy : deputy + 1] if is_known else genes[:0]
-        return self._searched([deputy], known, genes, (*turn, deputy), left)[0]
+        turn, left = key[1], [self._left(genes, deputy)]
+        known = genes[deputy : deputy + 1] if genes[deputy].any() or turn > 0 else genes[:0]
+        return self._searched([deputy], known, genes, key, left)[0]
 
     def _searched(
         self,

@@ -28,7 +28,7 @@ from pipeline.flight.fly.fleets import (
     fly_chosen,
 )
 from pipeline.flight.fly.lesser_controllers import finishing
-from pipeline.flight.fly.outlooks import Deputies, at_start, by_then, room_for_known
+from pipeline.flight.fly.outlooks import Deputies, at_start, by_then, num_missed, room_for_known
 from pipeline.flight.fly.rehearsals import rehearsed_costs
 from pipeline.flight.fly.replanning import (
     COASTING,
@@ -42,6 +42,7 @@ from pipeline.flight.fly.replanning import (
 )
 from pipeline.flight.fly.tours import tour_images
 from pipeline.flight.state.log import Scenario
+from pipeline.flight.state.signals import constant
 from pipeline.settings.experiment import Mission
 from pipeline.threads import in_threads
 
@@ -151,18 +152,18 @@ class _Planning:
         self._mission, self._controller, self._flown = mission, controller, finishing(controller)
         self._scenarios, self._workers, self._lanes = scenarios, workers, lanes
         self._alike = np.zeros((len(scenarios), mission.fleet.deputies), dtype=np.int64)
-        self._period = ahead_stride(controller, mission, "foresight_period_s")
         self._known, self._believed = _as_believed(mission, scenarios)
         # of exact missions fleets know everything, also which messages are lost
         self._is_exact = self._known.of_each == mission.of_each
         if self._is_exact:
             self._known = mission
+        self._period = 0 if self._is_exact else ahead_stride(controller, mission, "foresight_period_s")
 
     def chosen(self) -> Chosen:
         """Return what the fleets follow."""
         mission, controller = self._mission, self._controller
         known, believed = self._known.of_each, each_of(self._believed)
-        period = 0 if self._is_exact else self._period
+        period = self._period
         deputies = first = at_start(mission.of_each, known, controller, believed, period, self._lanes)
         openings = deputies.coasting()
         for sample in range(0, mission.num_controls, period) if period else [0]:
@@ -171,6 +172,14 @@ class _Planning:
                 deputies = by_then(first, believed, rows, sample, period)
             self._plan(deputies, openings)
         return self._following(openings)._replace(decisions=tuple(self._decisions))
+
+    @property
+    def _keeps_reserve(self) -> bool:
+        """Whether plans will be made again, and miss fewer points than the rules accept before they coast."""
+        planned, accepted = (
+            self._controller.constants[constant(name)] for name in ("foresight_points", "coast_below_points")
+        )
+        return self._period > 0 and planned > 0.0 and num_missed(planned) < num_missed(accepted)
 
     def _following(self, openings: Floats, fleets: Integers | slice = slice(None)) -> Chosen:
         """Return some fleets as they follow openings, (m D, K, 4)."""
@@ -205,11 +214,32 @@ class _Planning:
             coasting = np.concatenate(planned)
             ways = np.array([coasting, driven(coasting, sample), np.zeros_like(coasting)])
             ways[:, :, :sample] = openings[of_anew, :sample]
-            ends = np.array([self._costs(self._ahead(anew, pooled, way)) for way in ways])
-            chosen = np.repeat(ends.argmin(axis=0), rows.shape[1])
+            ends = self._ends(anew, pooled, ways)
+            chosen = np.repeat(np.nanargmin(ends, axis=0), rows.shape[1])
             openings[of_anew] = ways[chosen, np.arange(len(of_anew))]
         if self._records:
             self._decide(*teams[0], openings, ends[:, 0] if len(anew) else None)
+
+    def _ends(self, fleets: Integers, deputies: Sequence[Deputies], ways: Floats) -> Floats:
+        """Return what flights ahead of m fleets cost, (len(WAYS), m), m/s; NaN of those that are not flown.
+
+        Where plans keep a reserve, rules, which keep none, compete only where coasting after the plans misses
+        points or leaves the limits.
+        """
+        count = self._mission.fleet.deputies
+
+        def fly(way: int, which: Integers) -> FleetOutcomes:
+            """Fly some of these fleets ahead."""
+            of_each = (which[:, np.newaxis] * count + np.arange(count)).ravel()
+            return self._ahead(fleets[which], [deputies[fleet] for fleet in which], ways[way, of_each])
+
+        ends, coasted = np.full((len(WAYS), len(fleets)), np.nan), fly(COASTING, np.arange(len(fleets)))
+        ends[COASTING] = self._costs(coasted)
+        is_short = ends[COASTING] > coasted.delta_v_m_s
+        compared = np.flatnonzero(is_short | (not self._keeps_reserve))
+        for way in (FINISHING, RULES) if len(compared) else ():
+            ends[way, compared] = self._costs(fly(way, compared))
+        return ends
 
     def _ahead(self, fleets: Integers, deputies: Sequence[Deputies], openings: Floats) -> FleetOutcomes:
         """Fly some fleets ahead, with openings from the sample of their deputies on."""

@@ -154,6 +154,19 @@ def test_points_that_would_stay_unseen_are_named_or_mapped() -> None:
     assert marks == {(0, 20): "o", (4, 0): ".", (4, 12): "o", (6, 23): "o", (8, 12): "o"}
 
 
+def test_a_deputy_of_a_fleet_speaks_for_itself() -> None:
+    """What it would not see others may."""
+    words = {
+        count: text.write(missed(replace(points([i < count for i in range(5)]), is_shared=True))).splitlines()
+        for count in (0, 1, 4)
+    }
+    begin = "firing nothing any more, this deputy would"
+    assert words[0] == [f"{begin} see all points that it looks for"]
+    assert words[1] == [f"{begin} not see 1 of 5 points that it looks for: 0 at 80° N 120° E"]
+    assert words[4][0] == f"{begin} not see 4 of 5 points that it looks for, marked o among the others:"
+    assert len(words[4]) == 11
+
+
 def test_what_cannot_be_crossed_is_told_as_such() -> None:
     words = explain(ramp_system(), [0.2], 7.0).text()
     assert "nothing can: y lies between -5 N and 5 N, on one side of 7 N" in words

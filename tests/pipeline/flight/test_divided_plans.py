@@ -16,7 +16,7 @@ from pipeline.flight.fly.fleets_ahead import fly_all_fleets, looked_ahead
 from pipeline.flight.fly.lesser_controllers import finishing
 from pipeline.flight.fly.outlooks import at_start, by_then, room_for_known
 from pipeline.flight.fly.population import fly_population
-from pipeline.flight.fly.replanning import COASTING, left_to_fire
+from pipeline.flight.fly.replanning import COASTING, FINISHING, RULES, left_to_fire
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.flight.reference.motion import pushed
 from pipeline.flight.world.pack import pack_world
@@ -147,6 +147,27 @@ def test_forces_left_of_a_plan_are_its_genes(planned):
             )
 
 
+def test_the_cheapest_of_more_searches_costs_no_more(planned):
+    """Each attempt draws anew, and the first is the only one where no more are demanded."""
+    mission, _, scenarios, teams, plans = planned
+    _, thorough, _ = composed(PARKED, "+controller.attributes.foresight_searches=3")
+    num_cheaper = 0
+    for scenario, team, genes in zip(scenarios[:3], teams, plans, strict=False):
+        deputies = at_start(mission.of_each, mission.of_each, thorough, list(scenario.fleet), 0, 8)
+        more, once = Team(deputies, deputies.outlooks()), Team(team.deputies, team.outlooks)
+        cheapest = more.divided()
+        np.testing.assert_array_equal(once.divided(), genes)
+        assert more.price(cheapest) <= team.price(genes)
+        num_cheaper += more.price(cheapest) < team.price(genes)
+        assert more.num_priced > 2 * once.num_priced
+    assert num_cheaper > 0
+    # plans that are made again are those of a single attempt
+    idle = np.zeros_like(genes)
+    again = Team(deputies, more.outlooks, last=idle), Team(team.deputies, team.outlooks, last=idle)
+    assert not again[0].is_held
+    np.testing.assert_array_equal(*(each.divided() for each in again))
+
+
 INEXACT = ("navigation=fixes", "actuators=real")
 ERRORS = (INEXACT[:1], INEXACT[1:], ("dynamics=two_body",), INEXACT)
 
@@ -170,9 +191,11 @@ def test_plans_made_again_depend_on_neither_workers_nor_neighbours():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("keeps_reserve", [False, True])
 @pytest.mark.parametrize("words", [(), ("safety=robust", "fleet.keep_apart_m=10")], ids=" ".join)
-def test_each_log_says_what_was_planned_when(words):
-    mission, controller, scenarios = composed("monte_carlo.num_cases=1", *INEXACT, *words)
+def test_each_log_says_what_was_planned_when(words, keeps_reserve):
+    reserve = ("+controller.attributes.foresight_points=1.0",) * keeps_reserve
+    mission, controller, scenarios = composed("monte_carlo.num_cases=1", *INEXACT, *words, *reserve)
     flown, logs = (
         fly_all_fleets(mission, controller, scenarios, 1),
         fly_logged_fleet(mission, controller, scenarios[0]),
@@ -187,8 +210,13 @@ def test_each_log_says_what_was_planned_when(words):
         assert [sample for sample, text in said if text.startswith("planned: ")] == samples
         texts = [event.text for event in fleet_events(mission, log, mission.fleet.deputies)]
         assert any(text.startswith("plans are made for all 2 deputies together") for text in texts)
+        planned = np.array([each.flight.foresight_plans[:, 0, :, 1:] for each in logs])
+        fuels = np.abs(planned).sum(axis=(0, 2, 3)) * mission.control_period_s / mission.deputy.mass_kg
         for decision in range(0 if words else len(samples)):  # where nothing keeps deputies apart
             plan, ends = log.flight.foresight_plans[decision, 0], log.flight.foresight_ends_m_s[decision]
+            if log.flight.foresight_at[decision, 1] > 0:  # rules keep no reserve, so that plans come first
+                is_enough = ends[COASTING] <= fuels[decision] + 1e-9
+                assert np.isnan(ends[[FINISHING, RULES]]).all() == (is_enough and keeps_reserve)
             now = plan[plan[:, 0] == samples[decision], 1:].sum(axis=0)
             if np.nanargmin(ends) == COASTING and np.abs(now).max() < mission.deputy.max_force_n:
                 requested = log.flight.force_asked_n[int(samples[decision])]

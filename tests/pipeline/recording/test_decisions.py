@@ -51,6 +51,10 @@ def test_each_decision_is_told_with_its_plans_in_order_and_in_minutes():
     assert list(decisions_in_words(MISSION, flight())) == [(0, FIRST), (60, SECOND)]
     assert [decision_at(MISSION, flight(), sample) for sample in (0, 59, 60)] == [FIRST, FIRST, SECOND]
     assert decision_at(MISSION, cases.flown(*WORDS), 5) == ""
+    at = np.array([[0.0, 4800.0, 1.0], [60.0, 0.0, 0.0]])
+    (_, words), (_, later) = decisions_in_words(MISSION, flight()._replace(foresight_at=at))
+    assert words.endswith("would leave 1 point unseen")
+    assert later.endswith("would leave 0 points unseen")
     nothing = np.array([[NOTHING] * 5] * 2)
     (_, words), _ = decisions_in_words(MISSION, flight()._replace(foresight_plans=nothing))
     assert "the cheapest is no push. The best that differs clearly, no push, would" in words
@@ -140,8 +144,35 @@ def test_a_recording_keeps_plans_their_paths_and_flights_ahead():
     paths = np.reshape(plans.paths_m, (2, -1, 3))
     for path, plan in zip(paths, (BEST, OTHER), strict=True):
         np.testing.assert_allclose(path, pushed(log, plan), atol=0.06)
+    # of a fleet they are a deputy's part, and what all cost
+    of_three = recorded_decisions(MISSION, log, 3)
+    assert list(of_three) == [
+        "part in a plan of 3 deputies",
+        "flight ahead of 3 deputies",
+        "part in a plan of 3 deputies from 600 s",
+        "flight ahead of 3 deputies from 600 s",
+    ]
+    assert [*of_three.values()] == [*kept.values()]
     assert np.shape(later.paths_m) == (3 * 21,)
     np.testing.assert_allclose(later.paths_m[:3], log.position_m[60], atol=0.06)
+
+
+@pytest.mark.parametrize("motion", [(), ("dynamics=two_body", "orbit.course=true")], ids=" ".join)
+def test_pushes_at_once_lead_where_their_sum_does(motion):
+    mission, log = cases.composed(*WORDS, *motion).experiment.mission, flight()
+    at_once = ((0.0, 0.012, 0.0, 0.0), (0.0, 0.0, -0.024, 0.0144), NONE)
+    joined = ((0.0, 0.012, -0.024, 0.0144), NONE, NONE)
+    plans = np.array([[at_once, joined, *[NOTHING] * 3]])
+    together = log._replace(
+        foresight_at=log.foresight_at[:1],
+        foresight_plans=plans,
+        foresight_prices_m_s=log.foresight_prices_m_s[:1],
+        foresight_ends_m_s=log.foresight_ends_m_s[:1],
+    )
+    one_by_one, at_a_time = np.reshape(
+        recorded_decisions(mission, together)["plan of pushes"].paths_m, (2, -1)
+    )
+    np.testing.assert_array_equal(one_by_one, at_a_time)
 
 
 def test_each_push_that_parks_is_told_in_mm_a_second():
@@ -197,8 +228,18 @@ def test_a_deputy_idles_where_all_that_is_unseen_and_counts_is_left():
     seen = [(0, 0, 1), (0, 1, 1), (0, 2, 2), (60, 3, 2)]
     left = [((10, 70), 3, 2), ((40, 70), 4, 3), ((100, 110), 4, 3)]
     happened = texts(fleet_log(seen=seen, left=left, num_inspectable=5))
-    idle = "coasts: all {} unseen points are left to {}, and coasting keeps the limits"
+    idle = "coasts: {} left to {}, and coasting keeps the limits"
     assert [(sample, text) for sample, text in happened if text.startswith("coasts")] == [
-        (40, idle.format(2, "deputy 2 and deputy 3")),
-        (100, idle.format(1, "deputy 3")),
+        (40, idle.format("all 2 unseen points are", "deputy 2 and deputy 3")),
+        (100, idle.format("the only unseen point is", "deputy 3")),
     ]
+
+
+def test_a_deputy_that_leaves_points_when_it_decides_is_told_to_coast_once():
+    """Every sixth period it leaves the same point until it is seen; between these nothing is decided."""
+    seen = [(0, point, 1) for point in range(5)] + [(60, 5, 2)]
+    left = [((sample, sample + 1), 5, 2) for sample in range(12, 60, 6)]
+    log = fleet_log(seen=seen, left=left)
+    told = [event for event in fleet_events(MISSION, log, 3, 6) if event.text.startswith("coasts")]
+    words = "coasts: the only unseen point is left to deputy 2, and coasting keeps the limits"
+    assert told == [Event(12, "info", words)]
