@@ -132,7 +132,7 @@ class Points:
     is_missed : (P,), optional
         Whether it stays unseen if nothing is fired any more; None where the controller does not ask.
     is_shared : bool
-        Whether other deputies look for points too.
+        Whether other vehicles look for points too.
     """
 
     latitude_deg: Floats

@@ -36,7 +36,7 @@ TOPIC_PREFIX = "/fis/"
 CONSTANTS_METADATA = "constants"
 CONTROL_TOPICS = "*/control"
 PULLS_TOPICS, PULLS_METADATA = "*/pulls", "pulls"
-#: what only recordings of a deputy of a fleet say of their episode
+#: what only recordings of one vehicle of a fleet say of their episode
 EPISODE_METADATA, FLEET_KEY = "episode", "fleet_deputies"
 #: where a flight ends
 MISSION_TOPIC = "/mission"

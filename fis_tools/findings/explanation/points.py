@@ -87,7 +87,7 @@ def missed(points: Points) -> Document | None:
     words = f"firing nothing any more would leave {noun} unseen"
     if points.is_shared:
         some = f"not see {noun}" if indices else "see all points"
-        words = f"firing nothing any more, this deputy would {some} that it looks for"
+        words = f"firing nothing any more, this vehicle would {some} that it looks for"
     if len(indices) > FEW_POINTS:
         return Document([Paragraph(f"{words}, marked o among the others:"), Code(_map_of(points))])
     named = [f"{index} at {' '.join(_where(points, index)[1:3])}" for index in indices]

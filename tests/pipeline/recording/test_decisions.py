@@ -240,6 +240,6 @@ def test_a_deputy_that_leaves_points_when_it_decides_is_told_to_coast_once():
     seen = [(0, point, 1) for point in range(5)] + [(60, 5, 2)]
     left = [((sample, sample + 1), 5, 2) for sample in range(12, 60, 6)]
     log = fleet_log(seen=seen, left=left)
-    told = [event for event in fleet_events(MISSION, log, 3, 6) if event.text.startswith("coasts")]
+    coasts = [event for event in fleet_events(MISSION, log, 3, 6) if event.text.startswith("coasts")]
     words = "coasts: the only unseen point is left to deputy 2, and coasting keeps the limits"
-    assert told == [Event(12, "info", words)]
+    assert coasts == [Event(12, "info", words)]
