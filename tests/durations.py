@@ -22,7 +22,7 @@ FILE = Path(__file__).with_suffix(".json")
 Durations = dict[str, dict[str, dict[str, tuple[float, int]]]]
 SPEEDS = ("fast", "slow")
 #: seconds of a case beyond which a test is slow, marked or not, and the keyword of those that are not
-SLOW_S, FOUND_SLOW = 0.7, "found slow"
+SLOW_S, FOUND_SLOW = 0.5, "found slow"
 
 
 def read() -> Durations:
