@@ -1,18 +1,14 @@
 """Gather evidence for requirements: flights, searches, proofs and a page of the results: assure/."""
 
-import json
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from fis_tools.analysis.domain import as_mapping
-from fis_tools.formats.serialize import fingerprint
 from pipeline.controllers.source import controller_of_run, sha256_of
 from pipeline.evaluation import sequential
 from pipeline.evaluation.assurance import evidence, repeats
@@ -21,24 +17,15 @@ from pipeline.evaluation.assurance.campaign import (
     Campaign,
     FormulaResult,
     WorstCaseSearch,
-    evaluate_each,
     search,
     search_efficiency,
 )
 from pipeline.evaluation.assurance.case_space import case_space
 from pipeline.evaluation.assurance.certificates import certificates, check_questions
-from pipeline.evaluation.assurance.conditions import box_in_words, conditions_of, start_bounds
-from pipeline.evaluation.assurance.evidence import Domain, domain_of, left_on
-from pipeline.evaluation.assurance.formula import (
-    COASTING_PAIR,
-    OF_COASTING,
-    kind_of,
-    predicates,
-    quantities_of,
-)
+from pipeline.evaluation.assurance.conditions import conditions_of, start_bounds
+from pipeline.evaluation.assurance.evidence import Domain, domain_of
 from pipeline.evaluation.assurance.judgements import cases_needed, failures_allowed, judge
 from pipeline.evaluation.assurance.proofs import safety_proof
-from pipeline.evaluation.assurance.quantities import track_of, tracks_of
 from pipeline.evaluation.assurance.rare import RARE, NotMet
 from pipeline.evaluation.assurance.repeats import repeats_in_words
 from pipeline.evaluation.assurance.requirements import (
@@ -54,48 +41,29 @@ from pipeline.evaluation.assurance.requirements import (
     parse_requirements,
     requirements_text,
 )
-from pipeline.evaluation.assurance.sentences import ordinal
-from pipeline.evaluation.assurance.tube import TubeProof
 from pipeline.evaluation.assurance.verdicts import Evidence, percent
 from pipeline.evaluation.splitting import POPULATIONS, RareShare, rare_share
-from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.fly.fleet_logs import fly_logged_fleet
-from pipeline.flight.goals.flights import fly_logged
-from pipeline.flight.state.log import FlightLog, Scenario
-from pipeline.proof.apart import check_apart, is_installed
-from pipeline.proof.verdict import NotProvable, theorem_of
 from pipeline.recording.recorder import FlightRecorder
-from pipeline.report.board import gravest, render_board
+from pipeline.report.board import render_board
 from pipeline.report.board_flights import MOST_FOLLOWED, flights_of_board
-from pipeline.report.evidence import number as written
 from pipeline.report.evidence import render_evidence
-from pipeline.report.figures.flights import draw_flight, draw_tube
 from pipeline.report.figures.style import Illustration
 from pipeline.report.played import player_of_worst
+from pipeline.report.proof_of_run import tube_drawn, tube_proof
+from pipeline.report.worst_flight import record_worst, worst_drawn, worst_of
 from pipeline.run import artifacts, configuration, maker, tables, writing
 from pipeline.run.engine import TaskPool, open_pool
 from pipeline.run.progress import Progress
 from pipeline.scenarios import DrawnCases
-from pipeline.settings.experiment import Assurance, Experiment, Mission
-from plain_files.file_access import read_bytes
-from plain_files.plain_text import parse_json
-from telemetry.file import reader
-from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
+from pipeline.settings.experiment import Assurance, Experiment
 
 #: what methods are called in words
 METHOD_WORDS = {name: name.replace("_", " ") for name in METHODS}
 #: of the bound on how many flights leave the operational domain
 CONFIDENCE = 0.9
-#: of a theorem
-MOST_BYTES = 1024**2
 #: flights in the picture of a tube
 MOST_DRAWN = 100
-#: what single precision of a track amounts to after a day of free motion
-MOST_COASTED_OFF_M = 0.05
-
-#: a margin, its unit (empty: the formula's), the case that has it, and where it was found
-Worst = tuple[float, str, Scenario, str]
 
 
 def run(experiment: Experiment, folder: Path) -> str:
@@ -210,7 +178,7 @@ def _gather(
         # whoever asks for a way out asks for the proof that flights stay
         is_kept = proof.stays and requirement.formula is not None and proof.implies(requirement.formula)
         layer = proof if is_kept or SAFETY_LAYER in requirement.verified_by else None
-        tube = _tube(experiment, controller, folder) if TUBE in requirement.verified_by else None
+        tube = tube_proof(experiment, controller, folder) if TUBE in requirement.verified_by else None
         flown = [result for result in (outcome, *(search.outcome for search in searches)) if result]
         collected = Evidence(
             requirement,
@@ -226,8 +194,8 @@ def _gather(
         )
         recorded = None
         if outcome is not None:
-            worst = _worst_of(collected, scenarios, outcome)
-            recorded = _record_worst(folder, mission, recorder, domain, requirement, worst)
+            worst = worst_of(collected, scenarios, outcome)
+            recorded = record_worst(folder, mission, recorder, domain, requirement, worst)
         all_evidence.append(collected)
         entries.append(evidence.requirement_entry(collected, outcome, recorded))
     _write(folder, artifacts.SEARCHED, evidence.search_columns(mission, all_evidence))
@@ -302,71 +270,18 @@ def _rare(
     return rare
 
 
-def _tube(experiment: Experiment, controller: Controller, folder: Path) -> TubeProof:
-    """Return the result of the stage prove in this run, if it is about these flights."""
-    if not (folder / artifacts.THEOREM).exists() or controller.fuzzy is None:
-        return TubeProof("no proof of these rules is in this run; add the stage prove before assure")
-    try:
-        written = _theorem(folder)
-    except (OSError, ValueError, RecursionError):
-        return TubeProof(f"{artifacts.THEOREM} cannot be read; repeat the stage prove")
-    try:
-        theorem = theorem_of(experiment)
-    except NotProvable as error:
-        return TubeProof(str(error))
-    wanted = {**json.loads(json.dumps(asdict(theorem))), "controller_sha256": fingerprint(controller.fuzzy)}
-    if not isinstance(written, dict) or any(written.get(name) != value for name, value in wanted.items()):
-        return TubeProof(f"{artifacts.THEOREM} is of other flights; repeat the stage prove")
-    fault, is_checked = f"not proved: {written.get('fault')}", False
-    if not written.get("fault"):
-        fault, is_checked = _check(folder, written)
-    if fault:
-        return TubeProof(fault)
-    return TubeProof(
-        fault="",
-        is_checked=is_checked,
-        starts=f"every start with {box_in_words(theorem.start_low, theorem.start_high)}",
-        model=(
-            f"motion by Clohessy and Wiltshire's equations, n = {theorem.mean_motion_rad_s:g} rad/s, "
-            f"{theorem.mass_kg:g} kg, at most {theorem.max_force_n:g} N on each axis, decided every "
-            f"{theorem.period_s:g} s, without any error"
-        ),
-        end_s=written["num_periods"] * theorem.period_s,
-        limit=theorem.limit,
-        goal=theorem.goal,
-    )
-
-
-def _theorem(folder: Path) -> Any:
-    return parse_json(read_bytes(folder / artifacts.THEOREM, MOST_BYTES))
-
-
-def _check(folder: Path, written: Mapping[str, Any]) -> tuple[str, bool]:
-    """Return why a run's certificate proves nothing, if so, and whether the checker has checked it."""
-    count = written.get("num_periods")
-    if not isinstance(count, int) or count < 1:
-        return f"{artifacts.THEOREM} has no number of control periods; repeat the stage prove", False
-    if not is_installed():
-        return "", False
-    sys.stderr.write("  checking the proof\n")
-    if refusal := check_apart(folder):
-        return f"the checker refuses the proof in this run ({refusal}); repeat the stage prove", False
-    if _theorem(folder) != written:
-        return f"{artifacts.THEOREM} was changed while it was checked; repeat the stage prove", False
-    return "", True
-
-
 def _tube_drawn(
     experiment: Experiment, folder: Path, entries: Sequence[Mapping[str, Any]]
 ) -> Illustration | None:
     """Draw the tube of the proof that a requirement rests on, over the first cases."""
     if not any("tube" in entry and entry["tube"]["is_checked"] for entry in entries):
         return None
-    mission, num_cases = experiment.mission, min(MOST_DRAWN, experiment.assurance.num_cases)
-    campaign = Campaign(mission, controller_of_run(experiment, folder), experiment.assurance.workers)
+    num_cases = min(MOST_DRAWN, experiment.assurance.num_cases)
+    campaign = Campaign(
+        experiment.mission, controller_of_run(experiment, folder), experiment.assurance.workers
+    )
     tracks, _ = campaign.tracks(list(_scenarios(experiment, num_cases)))
-    boxes = tables.read_parquet(folder, artifacts.TUBE)
-    return draw_tube(boxes, tracks, mission, experiment.report.dots_per_inch)
+    return tube_drawn(experiment, folder, tracks)
 
 
 def _board(experiment: Experiment, folder: Path, gathered: Mapping[str, Any]) -> str:
@@ -378,27 +293,8 @@ def _board(experiment: Experiment, folder: Path, gathered: Mapping[str, Any]) ->
     tracks, _ = campaign.tracks(list(_scenarios(experiment, min(MOST_FOLLOWED // deputies, num_cases))))
     flights = flights_of_board(mission, tracks, num_cases)
     made = datetime.now(UTC).date()
-    worst = _worst_drawn(experiment, folder, gathered)
+    worst = worst_drawn(experiment, folder, gathered)
     return render_board(gathered, controller.systems, flights, worst, made, controller.force_axes)
-
-
-def _worst_drawn(
-    experiment: Experiment, folder: Path, gathered: Mapping[str, Any]
-) -> tuple[str, Illustration] | None:
-    """Return the recorded flight that fails the gravest open requirement most, in words and drawn."""
-    requirement = gravest(gathered["requirements"])
-    if requirement is None:
-        return None
-    worst, mission = requirement["worst"], experiment.mission
-    recording = reader.read(folder / worst["recording"], (DEPUTY_CONTROL, DEPUTY_STATE, MISSION))
-    (track, *_), facts = track_of(recording, mission)
-    name = f"{requirement['id']} {requirement['title']}"
-    words = (
-        f"{name}: {worst['found_by']} has the least margin that is known, "
-        f"{written(worst['margin'])} {worst['unit']}".rstrip()
-        + f" ({worst['recording']})."
-    )
-    return words, draw_flight(track, facts.number, mission, experiment.report.dots_per_inch)
 
 
 def _domain(experiment: Experiment, controller: Controller, folder: Path) -> Domain | None:
@@ -411,78 +307,6 @@ def _domain(experiment: Experiment, controller: Controller, folder: Path) -> Dom
     domain = domain_of(experiment, controller, scenarios, CONFIDENCE)
     writing.write_json(folder / artifacts.DOMAIN, as_mapping(domain.boxes))
     return domain
-
-
-def _worst_of(evidence: Evidence, scenarios: Sequence[Scenario], outcome: FormulaResult) -> Worst:
-    """Return the worst known case of a requirement, at random or by a search."""
-    case = int(np.argmin(outcome.margins))
-    known = [(*outcome.worst, scenarios[case], f"case {case}")]
-    for number, searched in enumerate(evidence.searches):
-        source = f"{ordinal(number + 1)} search, flight {searched.worst}"
-        known.append((*searched.outcome.worst, searched.scenarios[searched.worst], source))
-    return min(known, key=lambda worst: worst[0])
-
-
-def _record_worst(
-    folder: Path,
-    mission: Mission,
-    recorder: FlightRecorder,
-    domain: Domain | None,
-    requirement: Requirement,
-    worst: Worst,
-) -> dict[str, Any]:
-    """Fly the worst known case of a requirement again, logged; record it, and evaluate the recording."""
-    controller, (margin, unit, scenario, source) = recorder.controller, worst
-    names, logs = _recorded(folder, mission, recorder, requirement, scenario)
-    assert requirement.formula is not None  # noqa: S101 - flown ones have one
-    recordings = [reader.read(folder / name, (DEPUTY_CONTROL, DEPUTY_STATE, MISSION)) for name in names]
-    tracks, facts = tracks_of(recordings, mission)
-    again = evaluate_each(tracks, facts, {requirement.id: requirement.formula}, mission.control_period_s)
-    margins = again[requirement.id].margins
-    deputy = int(np.argmin(margins))
-    recorded, path, start = float(margins[deputy]), folder / names[deputy], scenario.fleet[deputy]
-    # tracks have single precision: the larger the numbers compared, the larger the error of the margin
-    largest = max(abs(predicate.constant) for predicate in predicates(requirement.formula)) + abs(margin)
-    looking_ahead = *OF_COASTING, COASTING_PAIR
-    coasts = any(kind_of(name) in looking_ahead for name in quantities_of(requirement.formula))
-    if not abs(recorded - margin) <= (MOST_COASTED_OFF_M if coasts else max(1e-5, 1e-6 * largest)):
-        raise artifacts.ArtifactError(
-            f"{path} has a margin of {recorded:g}, but {source} was found with {margin:g}; the flight is "
-            "not the one that was found: report this"
-        )
-    left = left_on(domain, logs[deputy], controller, mission.control_period_s) if domain else ()
-    of_fleet = {"deputy": deputy + 1, "recordings": names} if mission.has_fleet else {}
-    return {
-        "found_by": source,
-        **of_fleet,
-        "position_m": start.position_m.tolist(),
-        "velocity_m_s": start.velocity_m_s.tolist(),
-        "sun_angle_rad": float(scenario.sun_angle_rad),
-        "sun_elevation_rad": float(scenario.sun_elevation_rad),
-        "settings": dict(drawn(mission, scenario)),
-        "margin": margin,
-        "unit": unit or requirement.unit,
-        "recorded_margin": recorded,
-        "recording": names[deputy],
-        "left_domain": [asdict(departure) for departure in left],
-    }
-
-
-def _recorded(
-    folder: Path, mission: Mission, recorder: FlightRecorder, requirement: Requirement, scenario: Scenario
-) -> tuple[list[str], list[FlightLog]]:
-    """Fly a requirement's worst case and record it, of a fleet each deputy; return the files and logs."""
-    controller, name = recorder.controller, f"{requirement.id}-worst"
-    (folder / artifacts.WORST_FLIGHTS).mkdir(parents=True, exist_ok=True)
-    if not mission.has_fleet:
-        log, file = fly_logged(mission, controller, scenario), f"{artifacts.WORST_FLIGHTS}/{name}.mcap"
-        recorder.record(folder / file, scenario, log, name)
-        return [file], [log]
-    fleet = fly_logged_fleet(mission, controller, scenario)
-    files = [f"{artifacts.WORST_FLIGHTS}/{name}-deputy-{each.deputy}.mcap" for each in fleet]
-    for file, each, start in zip(files, fleet, scenario.fleet, strict=True):
-        recorder.record(folder / file, start, each.flight, name, each)
-    return files, [each.flight for each in fleet]
 
 
 def _write(folder: Path, name: str, table: Mapping[str, Any]) -> None:

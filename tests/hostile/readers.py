@@ -42,12 +42,12 @@ from pipeline.proof.certificate import read_proof
 from pipeline.recording.reflight import fly_again
 from pipeline.report.contents import begins_with_training, command_of, read_numbers
 from pipeline.report.figures.training import HISTORY_COLUMNS
+from pipeline.report.proof_of_run import read_theorem
 from pipeline.run import artifacts, configuration, manifests, sweep, tables
 from pipeline.settings import mesh, start_table
 from pipeline.settings.experiment import Mission
 from pipeline.settings.places import conf_folder, requirements_path
 from pipeline.settings.schema import experiment_from
-from pipeline.stages import assure
 from pipeline.training.evolution.state import CheckpointError, load
 from telemetry.file.recover import recover
 from telemetry.file.summary import in_words, summarize
@@ -416,7 +416,7 @@ READERS: Final[Mapping[str, Reader]] = {
     "theorem": Reader(_in_proof("theorem.json"), _of_proof("theorem.json"), "tree"),
     "proved_controller": Reader(_in_proof("controller.json"), _of_proof("controller.json"), "tree"),
     "tube": Reader(_in_proof("tube.parquet"), _of_proof("tube.parquet"), "table", (*OR_VALUES, OSError)),
-    "quoted_theorem": Reader(_in_file(artifacts.THEOREM, lambda path: assure._theorem(path.parents[1])),
+    "quoted_theorem": Reader(_in_file(artifacts.THEOREM, lambda path: read_theorem(path.parents[1])),
                              lambda _: [b'{"goal": [0.5], "num_periods": 200}'], "tree",
                              (ValueError, RecursionError)),
     "earlier_ledgers": Reader(

@@ -13,8 +13,8 @@ from fis_tools.formats import serialize
 from fis_tools.review import page as review_page
 from fis_tools.review.content import read_evidence
 from pipeline.command_line.cli import main
+from pipeline.report.proof_of_run import read_theorem
 from pipeline.run import artifacts, configuration, lock, manifests, writing
-from pipeline.stages import assure
 from plain_files.plain_text import MISSING_SIGN, plain
 from tests.fis_tools.sample_controllers import PAPER_LIKE
 from tests.pipeline.command_line.cases import EVALUATE, plain_config, use_stages
@@ -152,7 +152,7 @@ def test_what_a_lock_a_proof_and_evidence_say_is_made_plain(text, tmp_path):
     }
     (tmp_path / "evidence.json").write_text(json.dumps(evidence))
     read = read_evidence(tmp_path / "evidence.json", "0")
-    for words in (said, str(assure._theorem(tmp_path)["fault"]), *read[1][0]):
+    for words in (said, str(read_theorem(tmp_path)["fault"]), *read[1][0]):
         assert MISSING_SIGN in words
         assert not set(words) & set("\x1b\x9b\u202e\u2066\ud800\x00\x07\u2028")
 

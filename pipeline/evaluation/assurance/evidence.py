@@ -113,7 +113,7 @@ def requirement_entry(
     random : FormulaResult, optional
         Of the random cases.
     worst : mapping, optional
-        The worst case found and recorded, see `pipeline.stages.assure`.
+        The worst case found and recorded, see `pipeline.report.worst_flight`.
     """
     requirement = evidence.requirement
     judged = verdicts.verdict(evidence)
