@@ -86,6 +86,6 @@ def _check(folder: Path, written: Mapping[str, Any]) -> tuple[str, bool]:
 
 
 def tube_drawn(experiment: Experiment, folder: Path, tracks: NDArray[np.float32]) -> Illustration:
-    """Draw the tube of a run's proof over flights, (n, K+1, quantities); see `draw_tube`."""
+    """Draw the tube of a run's proof over flights, (n, K+1, 6 or more) in m and m/s; see `draw_tube`."""
     boxes = tables.read_parquet(folder, artifacts.TUBE)
     return draw_tube(boxes, tracks, experiment.mission, experiment.report.dots_per_inch)
