@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import telemetry
+from fis_tools.model.thrust import thrust_logic
+from pipeline.controllers.source import named
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import KEEP_IN, PASSIVE_SAFETY, SPEED, FlightLog
 from pipeline.recording import reflight
@@ -105,6 +107,38 @@ def test_complete_says_whether_the_deputy_coasts(last_force: float, ending: str)
     forces = np.ones((10, 3))
     forces[8:] = [[0.0, 0.0, 0.0], [0.0, last_force, 0.0]]
     assert events(MISSION, log._replace(force_hill_n=forces), 5.0)[1].text.endswith(ending)
+
+
+@pytest.mark.parametrize(
+    ("missed", "inside_m", "beyond_m", "why"),
+    [
+        (1.0, 2.0, -9.0, "come to {nearest:.1f} m from the chief, nearer than {low:.1f} m"),
+        (1.0, -9.0, 2.0, "lead {farthest:.1f} m from the chief, farther than {high:.1f} m"),
+        # points that would be missed are the reason, wherever coasting leads
+        (5.0, 2.0, -9.0, "leave 5 of 99 points unseen"),
+        (5.0, -9.0, 2.0, "leave 5 of 99 points unseen"),
+        (5.0, -9.0, -9.0, "leave 5 of 99 points unseen"),
+    ],
+)
+def test_coasting_ends_for_what_it_would_come_to(missed: float, inside_m: float, beyond_m: float, why: str):
+    controller, log = named("champion_27", MISSION), flight([75.0] * 11, [0] * 11)
+    assert controller.fuzzy is not None
+    logic = thrust_logic(controller.fuzzy)
+    low = MISSION.deputy.min_distance_m + logic.coast_margin_m
+    high = MISSION.deputy.max_distance_m - logic.coast_margin_m
+    assert 1.0 < logic.coast_below_points <= 5.0
+    nearest, farthest = low - inside_m, high + beyond_m
+    foreseen, is_decided = np.full_like(log.foreseen, np.nan), np.ones_like(log.is_decided)
+    foreseen[2], is_decided[2] = [1.0, low + 9.0, high - 9.0], False
+    foreseen[5] = missed, nearest, farthest
+    none = np.zeros_like(log.command_reason)
+    told = events(
+        MISSION, log._replace(foreseen=foreseen, is_decided=is_decided, command_reason=none), 5.0, controller
+    )
+    begins, ends = (event for event in told if event.text.startswith("coasting"))
+    assert (begins.sample, ends.sample) == (2, 5)
+    words = why.format(nearest=nearest, farthest=farthest, low=low, high=high)
+    assert ends.text == f"coasting ends: it would now {words}"
 
 
 @pytest.fixture(scope="module")
