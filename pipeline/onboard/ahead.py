@@ -14,8 +14,9 @@ from pipeline.flight.state.arrays import FullOptics, Law, Moment, World
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.signals import SETTING, URGENCY
 from pipeline.onboard.allowed import NotTranslatableError
+from pipeline.onboard.arrays import leaves, map_leaves
 from pipeline.onboard.translator import Translator
-from pipeline.onboard.values import Expression, leaves, map_leaves
+from pipeline.onboard.values import Expression
 
 #: members of the state that a flight carries on, and so does the flight ahead
 EXCHANGED = ("belief_position", "belief_velocity", "unseen", "num_unseen", "coasts", "parks")

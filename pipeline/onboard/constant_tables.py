@@ -6,7 +6,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from fis_tools.formats.c.text import table
-from pipeline.onboard.values import Array
+from pipeline.onboard.arrays import Array
 from pipeline.onboard.writer import Line
 
 #: lanes of vectors are bytes of a double; of whole numbers there are four

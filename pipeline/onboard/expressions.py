@@ -12,18 +12,8 @@ import numpy as np
 from fis_tools.compiled.decorator import Compiled
 from fis_tools.compiled.vectors import Three
 from pipeline.onboard.allowed import C_TYPES, TranslationError, union
-from pipeline.onboard.values import (
-    Accumulator,
-    Array,
-    Expression,
-    condition_of,
-    is_known,
-    is_scalar,
-    leaves,
-    merged_kind,
-    range_of,
-    text_of,
-)
+from pipeline.onboard.arrays import Accumulator, Array, is_known, leaves
+from pipeline.onboard.values import Expression, condition_of, is_scalar, merged_kind, range_of, text_of
 from pipeline.onboard.writer import Frame, Line, Writer, change_arrays
 
 #: a value, and the lines that compute it

@@ -7,9 +7,10 @@ import numpy as np
 
 from pipeline.array_types import Floats
 from pipeline.flight.world.surface import ChiefSurface
+from pipeline.onboard.arrays import Array
 from pipeline.onboard.operations import whole
 from pipeline.onboard.translator import Translator
-from pipeline.onboard.values import Array, Expression
+from pipeline.onboard.values import Expression
 from pipeline.physics.sight import Occlusion, is_above_horizon, note_free
 
 #: in a byte, and which of them stands for which point

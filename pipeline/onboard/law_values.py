@@ -11,8 +11,9 @@ from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import Law
 from pipeline.flight.state.signals import CONSTANTS
 from pipeline.onboard.allowed import TranslationError
+from pipeline.onboard.arrays import Array
 from pipeline.onboard.translator import Translator
-from pipeline.onboard.values import Array, Expression
+from pipeline.onboard.values import Expression
 
 #: constants of a controller that are read from the state and can be changed in flight, unless they are zero:
 #: lengths, speeds, forces and angles, and all of a tour. Other times and counts decide how long loops are

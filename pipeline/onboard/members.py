@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Any, get_args, get_type_hints
 
+from pipeline.onboard.arrays import Record
 from pipeline.onboard.translator import Translator
-from pipeline.onboard.values import Record
 
 
 class Members:

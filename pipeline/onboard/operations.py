@@ -13,11 +13,9 @@ import numpy as np
 from fis_tools.compiled import vectors
 from pipeline.flight.period.look.guidance import POINTS
 from pipeline.onboard.allowed import LEAST_INT, MOST_INT, TranslationError
+from pipeline.onboard.arrays import Accumulator, Array, Begun
 from pipeline.onboard.translator import Translator
 from pipeline.onboard.values import (
-    Accumulator,
-    Array,
-    Begun,
     Expression,
     LaneConstant,
     bare,

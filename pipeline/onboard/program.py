@@ -31,6 +31,7 @@ from pipeline.flight.state.signals import CONSTANTS, SETTING, URGENCY
 from pipeline.flight.world.pack import pack_world
 from pipeline.flight.world.surface import surface_of
 from pipeline.onboard.allowed import NotTranslatableError
+from pipeline.onboard.arrays import Record
 from pipeline.onboard.fields import InterfaceField
 from pipeline.onboard.free_cells import FreeCells
 from pipeline.onboard.kept_apart import is_kept_apart, write_apart
@@ -42,7 +43,7 @@ from pipeline.onboard.planner import ANYWHERE, PushPlanner, ranges_of, write_pla
 from pipeline.onboard.restart import write_restart
 from pipeline.onboard.sharing import is_shared, write_sharing
 from pipeline.onboard.translator import Translator
-from pipeline.onboard.values import Expression, Record
+from pipeline.onboard.values import Expression
 from pipeline.onboard.writer import Setting
 from pipeline.physics.sight import is_free
 from pipeline.settings.experiment import Mission

@@ -26,8 +26,9 @@ from pipeline.flight.fly.pushes import (
 )
 from pipeline.flight.fly.replanning import FIRST
 from pipeline.flight.state.arrays import FullOptics, Moment, Workspace
+from pipeline.onboard.arrays import Array, Begun, Strided
 from pipeline.onboard.translator import Translator
-from pipeline.onboard.values import Array, Begun, Expression, Strided
+from pipeline.onboard.values import Expression
 
 #: a function, and its arguments
 Entry = tuple[Any, dict[str, Any]]

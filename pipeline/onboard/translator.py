@@ -20,22 +20,18 @@ from typing import Any
 from fis_tools.compiled.vectors import Three
 from pipeline.onboard import statements
 from pipeline.onboard.allowed import C_TYPES, TranslationError, union
+from pipeline.onboard.arrays import Accumulator, Array, is_known, leaves, map_leaves
 from pipeline.onboard.expressions import OPERATORS, Computed
 from pipeline.onboard.loops import Loops
 from pipeline.onboard.values import (
-    Accumulator,
-    Array,
     Expression,
     LaneConstant,
     bare,
     conclusions,
     condition_of,
     count_of,
-    is_known,
     is_scalar,
     kind_of,
-    leaves,
-    map_leaves,
     merged_kind,
     range_of,
     text_of,

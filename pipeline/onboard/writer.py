@@ -12,19 +12,14 @@ import numpy as np
 
 from fis_tools.formats.c.text import WORDS
 from pipeline.onboard.allowed import C_TYPES, Range, TranslationError, check_stored, union
+from pipeline.onboard.arrays import Accumulator, Array, Record, is_known, leaves, map_leaves
 from pipeline.onboard.values import (
-    Accumulator,
-    Array,
     Expression,
     LaneConstant,
-    Record,
     bare,
     is_fixed,
-    is_known,
     is_scalar,
     kind_of,
-    leaves,
-    map_leaves,
     range_of,
     text_of,
 )

@@ -15,9 +15,10 @@ from fis_tools.compiled.decorator import plainly
 from fis_tools.compiled.dispatchers import FromPython
 from fis_tools.formats.c.text import table
 from pipeline.onboard.allowed import TranslationError
+from pipeline.onboard.arrays import Array
 from pipeline.onboard.operations import OPERATIONS
 from pipeline.onboard.translator import Translator
-from pipeline.onboard.values import Array, Expression
+from pipeline.onboard.values import Expression
 from pipeline.onboard.writer import Setting
 from plain_files.document.html import read
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from fis_tools.compiled.decorator import compiled, plainly
+from pipeline.onboard.arrays import Array, Begun
 from pipeline.onboard.operations import OPERATIONS
 from pipeline.onboard.translator import Translator
-from pipeline.onboard.values import Array, Begun, Expression, TranslationError, range_of
+from pipeline.onboard.values import Expression, TranslationError, range_of
 from pipeline.onboard.writer import Setting
 from tests.programs import program
 
