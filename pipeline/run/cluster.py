@@ -12,7 +12,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -280,12 +280,33 @@ def open_client(num_workers: int) -> Iterator[Any]:
         try:
             if address is None:
                 cluster = stack.enter_context(_local_cluster(distributed, num_workers))
-                client = distributed.Client(cluster, set_as_default=False)
+                client = _client(distributed, cluster)
             else:
-                client = distributed.Client(address, set_as_default=False)
+                client = _client(distributed, address)
         except (OSError, TypeError, ValueError, RuntimeError) as error:
             raise EngineError(_no_client(address, error)) from error
         yield stack.enter_context(client)
+
+
+def _client(distributed: Any, where: Any) -> Any:
+    """Return a client of a scheduler or a cluster; of one that cannot connect nothing is left.
+
+    Dask would close it when it is found as garbage. Where that happens while another client starts, in the
+    same thread, the thread waits for ever for a lock that it holds itself.
+    """
+
+    class Client(distributed.Client):  # type: ignore[misc]  # known only where it is loaded
+        def __init__(self, *given: Any, **named: Any) -> None:
+            try:
+                super().__init__(*given, **named)
+            except BaseException:
+                with suppress(Exception):  # the first error is the one to tell
+                    self.close()
+                    # where connecting failed it counts as closed, but its thread still runs
+                    self._loop_runner.stop()
+                raise
+
+    return Client(where, set_as_default=False)
 
 
 def _no_client(address: str | None, error: Exception) -> str:

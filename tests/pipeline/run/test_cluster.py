@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -188,6 +189,8 @@ def test_a_wrong_certificate_is_told_in_a_sentence(tmp_path, kind):
     assert processes.address in str(refused.value)
     assert "for tls:// give the files of the scheduler's certificate" in str(refused.value)
     assert "or choose engine.kind=local" in str(refused.value)
+    # nothing is left that would be closed whenever it is found as garbage, be it while another client starts
+    assert "IO loop" not in [thread.name for thread in threading.enumerate()]
 
 
 def test_a_result_tells_its_maker_and_whether_it_came_whole():
