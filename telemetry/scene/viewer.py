@@ -25,6 +25,8 @@ ENDING: Final = ".rrd"
 #: by default the viewer would listen on every network interface
 LOOPBACK: Final = "127.0.0.1"
 _START_LIMIT_S: Final = 60.0
+#: what it takes a viewer to end in order
+_END_LIMIT_S: Final = 10.0
 #: how to mend that a viewer is too slow
 WHEN_SLOW: Final = "end what else keeps this machine busy, and try again"
 #: `-P` keeps a file called rerun.py in the current folder from being run instead
@@ -170,13 +172,24 @@ def _running(command: Sequence[str], log: IO[bytes] | None = None) -> Iterator["
 
 
 def _end(process: "subprocess.Popen[bytes]") -> None:
-    """End all processes of a viewer's group."""
+    """End all processes of a viewer's group; those that do not heed it within a while are killed."""
     if sys.platform == "win32":
         process.send_signal(signal.CTRL_BREAK_EVENT)
     else:
-        with suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGTERM)
-    process.wait()
+        _tell_group(process, signal.SIGTERM)
+    try:
+        process.wait(_END_LIMIT_S)
+    except subprocess.TimeoutExpired:
+        if sys.platform == "win32":
+            process.kill()
+        else:
+            _tell_group(process, signal.SIGKILL)
+        process.wait()
+
+
+def _tell_group(process: "subprocess.Popen[bytes]", number: signal.Signals) -> None:
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, number)
 
 
 def in_notebook(scene: Scene) -> Any:

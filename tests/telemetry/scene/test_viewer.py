@@ -2,6 +2,7 @@
 
 import os
 import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -154,6 +155,25 @@ def test_nothing_of_a_viewer_is_left_behind():
     assert len(processes) > 1
     _, alive = psutil.wait_procs(processes, 60)
     assert alive == []
+
+
+DEAF = """
+import signal, sys, time
+for number in (signal.SIGTERM, signal.SIGINT):
+    signal.signal(number, signal.SIG_IGN)
+print("deaf", flush=True)
+time.sleep(600)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a break ends it there")
+def test_a_viewer_that_does_not_end_is_killed(monkeypatch):
+    monkeypatch.setattr(viewer, "_END_LIMIT_S", 0.1)
+    with tempfile.TemporaryFile() as log:
+        with viewer._running([sys.executable, "-c", DEAF], log) as process:
+            while os.fstat(log.fileno()).st_size == 0 and process.poll() is None:
+                time.sleep(0.01)
+        assert process.returncode == -signal.SIGKILL
 
 
 @pytest.mark.slow
