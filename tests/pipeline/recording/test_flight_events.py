@@ -132,10 +132,10 @@ def test_coasting_ends_for_what_it_would_come_to(missed: float, inside_m: float,
     foreseen[2], is_decided[2] = [1.0, low + 9.0, high - 9.0], False
     foreseen[5] = missed, nearest, farthest
     none = np.zeros_like(log.command_reason)
-    told = events(
+    happened = events(
         MISSION, log._replace(foreseen=foreseen, is_decided=is_decided, command_reason=none), 5.0, controller
     )
-    begins, ends = (event for event in told if event.text.startswith("coasting"))
+    begins, ends = (event for event in happened if event.text.startswith("coasting"))
     assert (begins.sample, ends.sample) == (2, 5)
     words = why.format(nearest=nearest, farthest=farthest, low=low, high=high)
     assert ends.text == f"coasting ends: it would now {words}"
