@@ -7,7 +7,7 @@ import numpy as np
 
 from fis_tools.formats.c.text import table
 from pipeline.onboard.arrays import Array
-from pipeline.onboard.writer import Line
+from pipeline.onboard.functions import Line
 
 #: lanes of vectors are bytes of a double; of whole numbers there are four
 BYTES = {"double": 8, "int": 4, "unsigned int": 4, "unsigned char": 1}

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import replace
 
-from pipeline.onboard.writer import Function, Line, pruned
+from pipeline.onboard.functions import Function, Line, pruned
 
 _STORE = re.compile(r"\s*state->(\w+(?:\[\d+\])*) = (.*);")
 

@@ -13,8 +13,9 @@ from fis_tools.compiled.decorator import Compiled
 from fis_tools.compiled.vectors import Three
 from pipeline.onboard.allowed import C_TYPES, TranslationError, union
 from pipeline.onboard.arrays import Accumulator, Array, is_known, leaves
+from pipeline.onboard.functions import Frame, Line, change_arrays
 from pipeline.onboard.values import Expression, condition_of, is_scalar, merged_kind, range_of, text_of
-from pipeline.onboard.writer import Frame, Line, Writer, change_arrays
+from pipeline.onboard.writer import Writer
 
 #: a value, and the lines that compute it
 Computed = tuple[Any, list[Line]]

@@ -11,8 +11,8 @@ import numpy as np
 from pipeline.flight.state.arrays import World
 from pipeline.flight.state.signals import CONSTANTS
 from pipeline.onboard.fields import POINTS, InterfaceField
+from pipeline.onboard.functions import Function
 from pipeline.onboard.messages import CHANGE, CHANGED, FIELD_BITS, OTHER_BITS, OUTPUT, START, START_BITS
-from pipeline.onboard.writer import Function
 
 #: positions are taken up to so many times the greatest distance allowed, speeds up to that within a time, s
 REACH, PASSAGE_S = 50.0, 2.0

@@ -10,9 +10,10 @@ from pipeline.onboard import statements
 from pipeline.onboard.allowed import Range, TranslationError, checked_range
 from pipeline.onboard.arrays import Array, Transpose
 from pipeline.onboard.expressions import Expressions
+from pipeline.onboard.functions import Frame, Loop
 from pipeline.onboard.growth import growth
 from pipeline.onboard.values import Expression, range_of, text_of
-from pipeline.onboard.writer import MOST_UNROLLED, Frame, Loop
+from pipeline.onboard.writer import MOST_UNROLLED
 
 UNBOUNDED = "a loop without a constant bound; declare one for"
 

@@ -19,13 +19,13 @@ from pipeline.flight.state.signals import BODY
 from pipeline.onboard.constant_tables import BYTES, ConstantTable
 from pipeline.onboard.dead_stores import without_dead_stores
 from pipeline.onboard.fields import offsets
+from pipeline.onboard.functions import Function, Line
 from pipeline.onboard.interface import CHECKED_BY, REACH, Interface, interface_of
 from pipeline.onboard.messages import ABOUTS, INPUT_REASON, MODES, REQUIREMENTS
 from pipeline.onboard.prefix import USUAL, renamed
 from pipeline.onboard.program import OnboardProgram
 from pipeline.onboard.restart import MOST_APART
 from pipeline.onboard.values import number_text
-from pipeline.onboard.writer import Function, Line
 from pipeline.run.maker import DISTRIBUTION, git_revision, product_version, sources_hash
 from plain_files.document.html import environment, read
 

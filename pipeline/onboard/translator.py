@@ -22,6 +22,7 @@ from pipeline.onboard import statements
 from pipeline.onboard.allowed import C_TYPES, TranslationError, union
 from pipeline.onboard.arrays import Accumulator, Array, is_known, leaves, map_leaves
 from pipeline.onboard.expressions import OPERATORS, Computed
+from pipeline.onboard.functions import Frame, Function, FunctionSource, Line, change_arrays, pruned
 from pipeline.onboard.loops import Loops
 from pipeline.onboard.values import (
     Expression,
@@ -36,16 +37,7 @@ from pipeline.onboard.values import (
     range_of,
     text_of,
 )
-from pipeline.onboard.writer import (
-    PROJECT,
-    Frame,
-    Function,
-    FunctionSource,
-    Line,
-    change_arrays,
-    in_either,
-    pruned,
-)
+from pipeline.onboard.writer import PROJECT, in_either
 
 
 class Translator(Loops):
