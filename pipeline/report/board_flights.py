@@ -92,7 +92,7 @@ def flights_of_board(mission: Mission, tracks: NDArray[np.floating], num_cases: 
     spacing = max(SPACING_S, mission.control_period_s)
     motion = FreeMotion(mission, FOLLOWED_S)
     path = motion.path(mission.num_controls, states[:, -1], FOLLOWED_S, spacing)
-    after: Floats = np.linspace(0.0, FOLLOWED_S, len(path))
+    after = motion.times(FOLLOWED_S, spacing)
     return BoardFlights(num_cases, times, distances, after, _lengths(path, 1).T)
 
 

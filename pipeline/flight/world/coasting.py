@@ -58,18 +58,28 @@ class FreeMotion:
         self._mission, self._period = mission, mission.control_period_s
         self._tables = tabulated(mission, beyond_s) if isinstance(mission.dynamics, TwoBody) else None
 
-    def rows(self, k: int, seconds: float, spacing_s: float) -> Floats:
-        """Return the rows, (J, 3, 7), of positions, m, by a state at sample k, m and m/s, and 1.
+    def times(self, seconds: float, spacing_s: float) -> Floats:
+        """Return the times after a sample for which there are rows, (J,), s.
 
-        They are `spacing_s` or a control period apart: the first is that of the state itself, the last after
-        so many seconds.
+        They are `spacing_s` or a control period apart, the last perhaps less: the first is zero, the last
+        `seconds`, or, along the chief's orbit about the Earth, the end of that control period.
         """
         if self._tables is None:
-            count = ceil(seconds / spacing_s) + 1
+            return np.linspace(0.0, seconds, ceil(seconds / spacing_s) + 1)
+        return self._period * self._samples(seconds, spacing_s).astype(np.float64)
+
+    def _samples(self, seconds: float, spacing_s: float) -> Integers:
+        """Return how many control periods after a sample there are rows for."""
+        last, stride = ceil(seconds / self._period - 1e-9), max(1, round(spacing_s / self._period))
+        return np.r_[np.arange(0, last, stride), last]
+
+    def rows(self, k: int, seconds: float, spacing_s: float) -> Floats:
+        """Return the rows, (J, 3, 7), of positions, m, by a state at sample k and 1; see `times`."""
+        if self._tables is None:
+            count = len(self.times(seconds, spacing_s))
             return _rows(self._mission.orbit.mean_motion_rad_s, seconds, count)
         course, drag = self._tables
-        last, stride = k + ceil(seconds / self._period - 1e-9), max(1, round(spacing_s / self._period))
-        samples = np.r_[np.arange(k, last, stride), last]
+        samples = k + self._samples(seconds, spacing_s)
         rows = course.onward[samples, :3] @ course.back[k]
         off = drag[samples, :3] - rows @ drag[k]
         return np.concatenate([rows, off[:, :, np.newaxis]], axis=2)

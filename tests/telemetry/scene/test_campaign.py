@@ -46,6 +46,12 @@ def test_cases_are_read_with_their_outcomes(run: Path) -> None:
     assert evaluation.distance_m[:, 3].tolist() == [50.0, 60.0, 10.0, 80.0]
 
 
+def test_samples_of_an_unknown_period_are_counted(run: Path) -> None:
+    evaluation = runs.read_evaluation(run)
+    unknown = replace(evaluation, surroundings=replace(evaluation.surroundings, sample_period_s=None))
+    assert unknown.time_s.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+
+
 def test_the_telling_cases_are_named(run: Path) -> None:
     assert {extreme.label: extreme.sample for extreme in campaign.extremes(runs.read_evaluation(run))} == {
         "nearest: case 8, 10.0 m": 3,

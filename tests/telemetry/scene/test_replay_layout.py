@@ -73,6 +73,24 @@ def test_field_of_view_reaches_the_chief(flight, content):
     np.testing.assert_allclose(np.degrees(np.arccos(cosine)), 15.0, atol=1e-3)
 
 
+@pytest.mark.parametrize("unknown", ["half_angle_rad", "boresight"])
+def test_a_camera_of_which_something_is_not_known_is_not_drawn(unknown, short_flight, tmp_path):
+    metadata = synthetic_flight.metadata(short_flight)
+    episode = {name: value for name, value in metadata["episode"].items() if name != unknown}
+    path = tmp_path / "flight.mcap"
+    synthetic_flight.record(short_flight, path, metadata=metadata | {"episode": episode})
+    shown = saved(replay.scene([path]), tmp_path).batches
+    assert "/scene/deputy/axes" in shown
+    assert not any(name.startswith("/scene/deputy/camera") for name in shown)
+
+
+def test_a_flight_of_one_control_period_is_drawn(tmp_path):
+    flight = synthetic_flight.fly(1)
+    path = synthetic_flight.record(flight, tmp_path / "flight.mcap")
+    content = saved(replay.scene([path]), tmp_path)
+    np.testing.assert_allclose(content.times("/scene/deputy", "Transform3D:translation"), flight.time_s)
+
+
 def test_points_wear_the_colours_of_their_states(flight, content):
     colours = content.column("/scene/chief/points", "Points3D:colors")
     inspected = int.from_bytes(bytes((0, 190, 130, 255)), "big")
