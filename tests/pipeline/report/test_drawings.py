@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from pipeline.report.board_flights import BoardFlights, Limit, draw_distances
+from pipeline.report.board_flights import BoardFlights, Limit, draw_distances, limits_of
 from pipeline.report.evidence import draw_margins
 
 HISTOGRAM = {"edges": [-2.0, -1.0, 0.0, 1.0, 2.0, 3.0], "counts": [1, 0, 20, 300, 9]}
@@ -109,3 +109,11 @@ def test_the_share_beyond_a_distance_counts_flights_until_then():
     assert FLIGHTS.percent_beyond(150.0, 0.5) == 0.0
     assert FLIGHTS.percent_beyond(150.0, 2.0) == 50.0
     assert FLIGHTS.percent_beyond(40.0, 0.5) == 100.0
+
+
+def test_limits_are_distances_whatever_the_formulas_multiply_them_by():
+    formulas = ["always(2 * distance <= 300 m)", "always(-distance <= -15 m)", "always(speed <= 1 m/s)", ""]
+    requirements = [
+        {"id": f"R{number}", "title": f"T{number}", "formula": text} for number, text in enumerate(formulas)
+    ]
+    assert limits_of(requirements) == [Limit(15.0, ("R1",), ("T1",)), Limit(150.0, ("R0",), ("T0",))]
