@@ -34,7 +34,7 @@ pytestmark = pytest.mark.slow
 #: controllers with rules along Hill axes, in worlds that differ in light, motion and chief
 FLOWN = (
     *(("champion_27",), ("champion_27_rehearsed",), ("champion_leo", "world=leo")),
-    *(("champion_rso", "world=rso"), ("lqr",)),
+    *(("champion_rso", "world=rso"), ("lqr",), ("champion_27", "actuators=real", "actuators.delay_s=20")),
 )
 #: shipped controllers whose rules ask along the deputy's axes, which turn with its camera
 ALONG_DEPUTY = [
@@ -42,7 +42,7 @@ ALONG_DEPUTY = [
 ]
 
 
-@pytest.fixture(scope="module", params=FLOWN, ids=lambda words: words[0])
+@pytest.fixture(scope="module", params=FLOWN, ids=" ".join)
 def flown(request):
     """A job, a controller, its logged flight, and its table."""
     name, *words = request.param
