@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgba
+from mpl_toolkits.mplot3d.art3d import Path3DCollection
 
 from pipeline.report.figures.flights import METRICS, Sample, controls, distributions, tube_bounds
 from pipeline.report.figures.style import BLUE, PALETTE, PURPLE, inline, save, style
@@ -84,6 +85,13 @@ def test_starts_bear_their_numbers_and_share_a_label_where_they_coincide():
     assert [text.get_text() for text in space.texts] == ["0", "1", "2"]
     assert [text.get_text() for text in orbit.texts] == ["0, 1", "2"]
     assert [text.get_text() for text in across.texts] == ["0", "1", "2"]
+    starts = tracks[:, 0]
+    np.testing.assert_allclose([text.get_position_3d() for text in space.texts], starts)
+    (dots,) = [drawn for drawn in space.collections if isinstance(drawn, Path3DCollection)]
+    np.testing.assert_allclose(np.transpose(dots._offsets3d), starts)
+    for ax, axes, cases in ((orbit, (1, 0), (0, 2)), (across, (1, 2), (0, 1, 2))):
+        places = [starts[case][list(axes)] for case in cases]
+        np.testing.assert_allclose([text.get_position() for text in ax.texts], places, atol=0.051)
 
 
 def test_a_runaway_does_not_shrink_the_others_and_stands_apart_from_the_crowd():
