@@ -47,6 +47,7 @@ OTHERS: tuple[tuple[str, dict[str, Any]], ...] = (
 RECORDED = ("stages=[scenario,evaluate,record]", "monte_carlo.num_cases=8")
 #: each flight with a mass of its own, which fly fewer side by side
 MASSES = ("+dispersions.deputy.mass_kg={kind:normal,mean:12.0,std:0.5}",)
+APART = ("safety=robust", "fleet.keep_apart_m=10", "navigation=fixes", "actuators=real")
 WAY_OUT = ("safety=filter", "safety.keep_way_out=true", "monte_carlo.max_distance_m=94")
 
 
@@ -54,7 +55,8 @@ def commands() -> list[tuple[str, ...]]:
     """Return what should wait for no compiler, as words after ``python -m pipeline``.
 
     README's commands, a tutorial's, each champion in its world, and flights of other structures that pages
-    tell of: with errors, around a chief that hides parts of itself, with a mass each, of fleets.
+    tell of: with errors, around a chief that hides parts of itself, with a mass each, with the camera kept
+    out of the Sun, of fleets.
     """
     evaluate = ("+experiment=evaluate", "controller=champion_27")
     fleet = ("+experiment=evaluate_fleet", "controller=champion_27", "sun=random")
@@ -74,9 +76,11 @@ def commands() -> list[tuple[str, ...]]:
         ("+experiment=evaluate", "controller=natural_motion", *FEW),
         (*fleet, *RECORDED),
         (*fleet, "safety=filter", "fleet.keep_apart_m=10", *RECORDED),
-        (*fleet, "safety=robust", "fleet.keep_apart_m=10", "navigation=fixes", "actuators=real", *FEW),
+        (*fleet, *APART, *FEW),
         (*planning, *RECORDED),
         (*planning, "navigation=fixes", "actuators=real", *RECORDED),
+        (*planning, *APART, *RECORDED),
+        (*evaluate, "safety=filter", "safety.min_sun_angle_deg=30", *RECORDED),
         ("+experiment=evaluate_fleet", "controller=champion_any_sun", "world=leo", *FEW),
         ("+experiment=evaluate_fleet", "controller=champion_leo", "world=leo", *RECORDED),
     ]
