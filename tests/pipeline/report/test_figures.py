@@ -89,8 +89,8 @@ def test_starts_bear_their_numbers_and_share_a_label_where_they_coincide():
     np.testing.assert_allclose([text.get_position_3d() for text in space.texts], starts)
     (dots,) = [drawn for drawn in space.collections if isinstance(drawn, Path3DCollection)]
     np.testing.assert_allclose(np.transpose(dots._offsets3d), starts)
-    for ax, axes, cases in ((orbit, (1, 0), (0, 2)), (across, (1, 2), (0, 1, 2))):
-        places = [starts[case][list(axes)] for case in cases]
+    for ax, axes, shown in ((orbit, (1, 0), (0, 2)), (across, (1, 2), (0, 1, 2))):
+        places = [starts[case][list(axes)] for case in shown]
         np.testing.assert_allclose([text.get_position() for text in ax.texts], places, atol=0.051)
 
 

@@ -352,6 +352,19 @@ def test_every_distance_that_a_requirement_names_is_a_line(evidence):
     assert all(named[limit.value_m] in limit.names for limit in limits)
 
 
+@pytest.mark.parametrize("formula", ["", "always (coasting_distance <= 200 m)"])
+def test_what_follows_the_end_is_told_where_no_requirement_is_about_it(evidence, formula):
+    # all flights end at 75 m, at 0.1 m/s outwards along the track: beyond 200 m within half an hour
+    track = np.tile([0.0, 75.0, 0.0, 0.0, 0.1, 0.0], (200, 361, 1))
+    flights = flights_of_board(Mission(), track, 200)
+    others = [each for each in evidence["requirements"] if "coasting" not in (each["formula"] or "")]
+    further = {**evidence["requirements"][0], "id": "R99", "formula": formula}
+    shown = {**evidence, "requirements": [*others, further]}
+    text = render_board(shown, (), flights, None, date(2026, 1, 2))
+    told = "without a further push 100 % of these flights are beyond 200 m within 30 min"
+    assert (told in text) == (not formula)
+
+
 @pytest.mark.parametrize("name", ["champion_27", "champion_docking"])
 def test_the_page_of_the_flagship_is_printed_on_two_sheets_with_all_its_rules(evidence, opened, name):
     systems = serialize.load(conf_folder() / "controller" / f"{name}.yaml").systems
