@@ -2,9 +2,11 @@
 
 import re
 import subprocess
-from collections import deque
+import sys
+from collections import Counter, deque
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import grimp
 
@@ -37,21 +39,43 @@ def module_of(path: str) -> str:
     return path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
 
 
-def distances(changed: Iterable[str]) -> dict[str, int]:
-    """Return the steps from changed files to each file of tests that they can reach.
+class Near(NamedTuple):
+    """How near a file of tests is to a change."""
+
+    #: from the nearest of the changed files
+    steps: int
+    #: how many of the changed files are at most one step away
+    neighbours: int
+
+
+def distances(changed: Iterable[str]) -> dict[str, Near]:
+    """Return how near each file of tests is that changed files can reach.
 
     A step leads from a module to one that imports it. Modules of tests, and what a package passes on by its
     ``__init__.py``, are no step of their own. From a file that is no module, the first step leads to the
     modules that name it, or lie beside it, and the second to those that name its folder.
     """
-    graph = grimp.build_graph(*FOLDERS, cache_dir=None)
+    graph, files = grimp.build_graph(*FOLDERS, cache_dir=None), list(changed)
+    steps = _steps(graph, _first_distances(files, graph.modules))
+    neighbours = Counter[str]()
+    for module in graph.modules & {*map(module_of, files)}:
+        neighbours.update(_steps(graph, {module: 0}, most=1))
+    paths = {module: f"{module.replace('.', '/')}.py" for module in steps}
+    return {
+        path: Near(steps[module], neighbours[module])
+        for module, path in sorted(paths.items())
+        if is_of_tests(path)
+    }
+
+
+def _steps(graph: grimp.ImportGraph, start: Mapping[str, int], most: int = sys.maxsize) -> dict[str, int]:
+    """Return the steps from some modules to all that they reach within so many."""
     packages = {each for each in graph.modules if graph.find_children(each)}
-    start = _first_distances(list(changed), graph.modules)
     known: dict[str, int] = {}
     waiting = deque(sorted(start.items(), key=lambda item: item[1]))
     while waiting:
         module, distance = waiting.popleft()
-        if known.get(module, distance + 1) <= distance:
+        if distance > most or known.get(module, distance + 1) <= distance:
             continue
         known[module] = distance
         for importer in graph.find_modules_that_directly_import(module):
@@ -63,8 +87,7 @@ def distances(changed: Iterable[str]) -> dict[str, int]:
                 waiting.appendleft(following)
             else:
                 waiting.append(following)
-    files = {module: f"{module.replace('.', '/')}.py" for module in known}
-    return {files[module]: known[module] for module in sorted(known) if is_of_tests(files[module])}
+    return known
 
 
 def is_of_tests(path: str) -> bool:

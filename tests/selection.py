@@ -118,16 +118,18 @@ def nearest(
 ) -> Chosen:
     """Return the tests nearest to changed files that a budget of recorded seconds holds.
 
-    Of equally near ones, those come first whose path has most words of a changed file's, then those of files
-    whose tests take least. Files of which nothing is recorded are taken whole.
+    Of equally near ones, those come first that are near to most of the changed files, then those whose path
+    has most words of a changed file's, then those of files whose tests take least. Files of which nothing is
+    recorded are taken whole.
     """
     rows = []
-    for file, step in distances(changed).items():
+    for file, near in distances(changed).items():
         whole = {"": (new[file], 1)} if file in new else {}
         functions = known.get(file) or whole
         typical_s = sum(seconds for seconds, _ in functions.values()) / max(1, len(functions))
         for function, (seconds, cases) in functions.items():
-            order = (step, -kinship(file, changed), typical_s, file, seconds / cases)
+            kin = near.steps, -near.neighbours, -kinship(file, changed)
+            order = (*kin, typical_s, file, seconds / cases)
             rows.append((order, file, function, seconds))
     chosen: Chosen = {}
     for _, file, function, seconds in sorted(rows):

@@ -63,12 +63,13 @@ def test_what_imports_a_module_is_one_step_from_it(module):
     direct = {file for file in FILES if imports.search((PROJECT / file).read_text(encoding="utf-8"))}
     steps = distances([module])
     assert direct
-    assert {steps[file] for file in direct} == {1}
+    assert {steps[file] for file in direct} == {(1, 1)}
 
 
 def test_a_changed_test_comes_first_and_another_file_leads_to_those_that_name_it():
-    assert distances([FILES[0]])[FILES[0]] == 0
-    assert distances(["conf/controller/champion_leo.yaml"])["tests/pipeline/command_line/test_conf.py"] <= 2
+    assert distances([FILES[0]])[FILES[0]] == (0, 1)
+    near = distances(["conf/controller/champion_leo.yaml"])
+    assert near["tests/pipeline/command_line/test_conf.py"].steps <= 2
     assert not distances(["no/such/file.bin"]).keys() - set(FILES)
 
 
@@ -80,6 +81,15 @@ def test_the_nearest_come_first_and_the_budget_holds():
     assert [steps[file] for file in chosen] == sorted(steps[file] for file in chosen)
     assert next(iter(chosen)) == "tests/pipeline/evaluation/test_statistics.py"
     assert not nearest([module], known, 0.0, of_file_s=1.0)
+
+
+def test_what_is_near_to_more_of_the_changed_files_comes_first():
+    """A law of thrusters without its bound: what compares the two imports most of what the law changes."""
+    patch, bound = planted.LAW
+    changed = re.findall(r"^\+\+\+ b/(\S+)", (PROJECT / patch).read_text(encoding="utf-8"), re.MULTILINE)
+    assert bound in changed
+    first = next(iter(nearest([path for path in changed if path != bound], durations.read()["slow"], 100.0)))
+    assert first == "tests/pipeline/flight/test_bounds_hold.py"
 
 
 def test_what_collecting_takes_is_no_test_s():
