@@ -59,7 +59,7 @@ def distances(changed: Iterable[str]) -> dict[str, Near]:
     steps = _steps(graph, _first_distances(files, graph.modules))
     neighbours = Counter[str]()
     for module in graph.modules & {*map(module_of, files)}:
-        neighbours.update(_steps(graph, {module: 0}, most=1))
+        neighbours.update(_steps(graph, {module: 0}, most=1).keys())
     paths = {module: f"{module.replace('.', '/')}.py" for module in steps}
     return {
         path: Near(steps[module], neighbours[module])
