@@ -91,3 +91,12 @@ def test_a_table_is_read_in_some_rows(tmp_path, monkeypatch):
     for name in ("mass", "violated"):
         assert table.at(name, rows) == blocks.values_at(columns, name, rows) == columns[name][rows].tolist()
     assert ranks.from_worst_to_best(table.blocks, [20]) == ranks.from_worst_to_best(lambda: [columns], [20])
+
+
+def test_ranks_are_centred_and_those_of_equal_numbers_their_mean():
+    values = np.random.default_rng(4).integers(0, 9, 200).astype(float)
+    counted = ranks._MidRanks(values[values < 8.0])  # beyond a sample lie others
+    for block in np.array_split(values, 3):
+        counted.count(block)
+    expected = stats.rankdata(values) - (len(values) + 1) / 2.0
+    np.testing.assert_allclose(counted.centred(values), expected, atol=1e-12)

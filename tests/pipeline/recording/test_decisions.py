@@ -221,6 +221,9 @@ def test_what_is_left_to_others_is_told_once_with_when_it_was_seen():
     )
     assert partly[0] == (0, "left to deputy 2: 3 points, 1 of them seen from 3 min later on")
     assert partly[-1] == (180, "deputy 1 ends; seen first by deputy 1 1, deputy 2 0, deputy 3 1")
+    assert texts(fleet_log(seen=[(18, 1, 1)])) == [
+        (180, "deputy 1 ends; seen first by deputy 1 1, deputy 2 0, deputy 3 0")
+    ]
 
 
 def test_a_deputy_idles_where_all_that_is_unseen_and_counts_is_left():

@@ -2,12 +2,16 @@
 
 import math
 import re
+from dataclasses import replace
+from itertools import product
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
-from pipeline.report.board_flights import BoardFlights, Limit, draw_distances, limits_of
+from fis_tools.model import And, Consequent, FuzzySystem, Is, Rule, Term, Triangular, Variable
+from pipeline.report.board import grid_of
+from pipeline.report.board_flights import BoardFlights, Limit, draw_distances, in_words, limits_of
 from pipeline.report.evidence import draw_margins
 
 HISTOGRAM = {"edges": [-2.0, -1.0, 0.0, 1.0, 2.0, 3.0], "counts": [1, 0, 20, 300, 9]}
@@ -117,3 +121,26 @@ def test_limits_are_distances_whatever_the_formulas_multiply_them_by():
         {"id": f"R{number}", "title": f"T{number}", "formula": text} for number, text in enumerate(formulas)
     ]
     assert limits_of(requirements) == [Limit(15.0, ("R1",), ("T1",)), Limit(150.0, ("R0",), ("T0",))]
+
+
+@pytest.mark.parametrize(("num_cases", "which"), [(2, "Each case; "), (5, "The first 2 of 5 cases; ")])
+def test_words_say_whether_all_flights_are_drawn(num_cases, which):
+    assert in_words(replace(FLIGHTS, num_cases=num_cases), LIMITS).startswith(which)
+
+
+def test_a_grid_has_a_row_for_each_term_of_the_first_input_and_a_column_for_each_of_the_second():
+    low, high = Triangular(0.0, 0.0, 1.0), Triangular(0.0, 1.0, 1.0)
+    down = Variable("down", "m", 0.0, 1.0, terms=(Term("near", low), Term("far", high)))
+    middle = Term("middle", Triangular(0.0, 0.5, 1.0))
+    across = Variable("across", "m", 0.0, 1.0, terms=(Term("left", low), middle, Term("right", high)))
+    output = Variable("push", "N", 0.0, 1.0, terms=(Term("little", low), Term("much", high)), default=0.0)
+    names = list(product(("near", "far"), ("left", "middle", "right")))
+    rules = tuple(
+        Rule(And((Is("down", i), Is("across", j))), (Consequent("push", "much" if i == "far" else "little"),))
+        for i, j in names
+    )
+    grid = grid_of(FuzzySystem("push", (down, across), (output,), rules))
+    assert [head[0] for head, _ in grid.rows] == ["near", "far"]
+    assert [head[0] for head in grid.heads] == ["left", "middle", "right"]
+    assert [[cell.number for cell in cells] for _, cells in grid.rows] == [[1, 2, 3], [4, 5, 6]]
+    assert [{cell.term for cell in cells} for _, cells in grid.rows] == [{"little"}, {"much"}]

@@ -1,5 +1,7 @@
 """What the report's figures show, read back from their axes; and what is drawn of a tube."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgba
@@ -63,6 +65,19 @@ def test_the_chief_hides_what_is_behind_it():
             # a piece reaches to the first point on the other side
             assert np.all(sign * (np.asarray(piece)[:-1] @ eye) >= 0.0)
     assert drawn == len(track) - 1
+
+
+@pytest.mark.parametrize("share", [0.4, 0.6])
+def test_limits_are_lines_where_half_of_them_is_reached(share):
+    log = cases.flown(TEN_MINUTES)
+    limit = float(np.abs(log.force_hill_n).max()) / share
+    force, *_ = controls(log, replace(MISSION, deputy=replace(MISSION.deputy, max_force_n=limit))).axes
+    words = [text.get_text() for text in force.texts]
+    if share < 0.5:
+        assert words == [f"limits ± {limit:g} N off scale"]
+    else:
+        assert words == [f"limit {limit:g} N"]
+        assert [float(line.get_ydata()[0]) for line in force.lines[3:]] == [-limit, limit]
 
 
 def test_planes_and_distance_show_the_flights():
