@@ -12,7 +12,7 @@ from fis_tools.processors import num_processors
 from pipeline.array_types import Integers
 from pipeline.evaluation.assurance.campaign import FormulaResult, concatenate, evaluate_formulas
 from pipeline.evaluation.assurance.judgements import judge
-from pipeline.evaluation.assurance.quantities import TrackFacts
+from pipeline.evaluation.assurance.quantities import facts_of_flown
 from pipeline.evaluation.assurance.requirements import CASES, Requirement, verified_by_method
 from pipeline.evaluation.assurance.verdicts import Evidence, verdict
 from pipeline.evaluation.monte_carlo import episode_columns, fly_tracked
@@ -24,7 +24,6 @@ from pipeline.flight.fly.lesser_controllers import rules_alone
 from pipeline.flight.fly.replanning import foresees
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import FlightLog
-from pipeline.flight.world.pack import inspection_points
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Experiment
 from pipeline.threads import in_threads
@@ -124,7 +123,7 @@ class EditorCases:
         """Fly and judge cases in one thread."""
         scenarios = [self.scenarios[case] for case in cases]
         outcomes, tracks = fly_tracked(self.mission, controller, scenarios, workers=1)
-        facts = TrackFacts(len(inspection_points(self.mission)), outcomes.inspectable_count, self.mission)
+        facts = facts_of_flown(self.mission, scenarios, outcomes.inspectable_count)
         evaluated = evaluate_formulas(tracks, facts, self._formulas, self.mission.control_period_s)
         return Flown(episode_columns(self.mission, scenarios, outcomes) | {"case": cases}, evaluated)
 

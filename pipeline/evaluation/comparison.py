@@ -16,7 +16,7 @@ from pipeline.evaluation.statistics import Fraction, Statistic
 from pipeline.flight.state.log import points_needed
 from pipeline.flight.world.pack import inspection_points
 from pipeline.optimum.solved import Solved
-from pipeline.settings.experiment import Experiment
+from pipeline.settings.experiment import Experiment, Mission
 from plain_files.document import Block, Document, Heading, Paragraph, Table, text
 
 Column = NDArray[Any]
@@ -304,9 +304,13 @@ def describe_columns(experiment: Experiment) -> list[str]:
     )
     if (fleet := experiment.mission.fleet).deputies > 1:
         return [f"{judged} {OF_FLEETS.format(fleet.deputies)}"]
+    papers = Mission().deputy  # the defaults are the paper's
+    limits = (papers.min_distance_m, papers.max_distance_m)
+    is_same = limits == (deputy.min_distance_m, deputy.max_distance_m)
+    between = "the same distance limits" if is_same else "distance limits of {:g} and {:g} m".format(*limits)
     return [
         judged,
-        f"*published ({PAPER_NAME}), with the same distance limits; its Sun is not stated. The best plans "
+        f"*published ({PAPER_NAME}), with {between}; its Sun is not stated. The best plans "
         "found know the whole flight beforehand, and are of other cases; the bound is what every plan burns "
         f"at least. Both ratios are means over these cases with {cases.confidence_percent:g} % bootstrap "
         "intervals.",

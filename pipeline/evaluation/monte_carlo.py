@@ -14,7 +14,7 @@ from pipeline.constants import STANDARD_GRAVITY_M_S2
 from pipeline.evaluation import blocks
 from pipeline.evaluation.after import Aftermath, aftermath, coasting_pairs, joined
 from pipeline.evaluation.statistics import Column, Columns, statistic, succeeds
-from pipeline.flight.cases.dispersions import drawn
+from pipeline.flight.cases.dispersions import OF_MOTION, drawn, groups_of
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.fleets import NO_MESSAGES, OF_DEPUTIES, FleetOutcomes
 from pipeline.flight.fly.fleets_ahead import fly_all_fleets
@@ -89,7 +89,7 @@ def fly_cases(
         outcomes, tracks = fly_tracked(mission, controller, scenarios, workers, num_tracked=NUM_PLACED)
         return episode_columns(mission, scenarios, outcomes), tracks
     outcomes, tracks = fly_tracked(mission, controller, scenarios, workers)
-    after = aftermath(mission, tracks, workers or num_processors())
+    after = _aftermath(mission, scenarios, tracks, workers or num_processors())
     return episode_columns(mission, scenarios, outcomes, after), tracks[..., :NUM_PLACED]
 
 
@@ -105,7 +105,8 @@ def fly_fleets(
     deputies : dict of (n D,) arrays
         A column for each quantity of a deputy.
     """
-    outcomes, after = _followed(mission, *fly_tracked(mission, controller, scenarios, workers), workers)
+    flown = fly_tracked(mission, controller, scenarios, workers)
+    outcomes, after = _followed(mission, scenarios, *flown, workers)
     assert isinstance(outcomes, FleetOutcomes)  # noqa: S101 - of a mission of fleets
     episodes = episode_columns(mission, scenarios, outcomes, after)
     return episodes, deputy_columns(scenarios, outcomes, after)
@@ -136,21 +137,37 @@ def fly_followed(
         return fly_all(mission, controller, scenarios, workers), None
     outcomes, after = [], []
     for first in range(0, len(scenarios), FOLLOWED):
-        flown = fly_tracked(mission, controller, scenarios[first : first + FOLLOWED], workers)
-        part, following = _followed(mission, *flown, workers)
+        some = scenarios[first : first + FOLLOWED]
+        part, following = _followed(mission, some, *fly_tracked(mission, controller, some, workers), workers)
         outcomes.append(part)
         after.append(following)
     return combined(outcomes), joined(after)
 
 
 def _followed(
-    mission: Mission, outcomes: Outcomes, tracks: NDArray[np.float32], workers: int | None
+    mission: Mission,
+    scenarios: list[Scenario],
+    outcomes: Outcomes,
+    tracks: NDArray[np.float32],
+    workers: int | None,
 ) -> tuple[Outcomes, Aftermath | None]:
     """Return outcomes with what free motion of fleets would lead to, and what follows flights."""
     workers = workers or num_processors()
     if isinstance(outcomes, FleetOutcomes):
         outcomes = replace(outcomes, coasting_pair_m=coasting_pairs(mission, tracks, workers))
-    return outcomes, aftermath(mission, tracks, workers)
+    return outcomes, _aftermath(mission, scenarios, tracks, workers)
+
+
+def _aftermath(
+    mission: Mission, scenarios: list[Scenario], tracks: NDArray[np.float32], workers: int
+) -> Aftermath | None:
+    """Return what follows flights, each by the motion and within the limits that its case has drawn."""
+    groups = groups_of(mission, scenarios, (*OF_MOTION, "deputy.min_distance_m", "deputy.max_distance_m"))
+    if len(groups) == 1:
+        return aftermath(groups[0][0], tracks, workers)
+    after = joined([aftermath(of_group, tracks[rows], workers) for of_group, rows in groups])
+    order = np.argsort([row for _, rows in groups for row in rows])
+    return after and Aftermath(*(column[order] for column in after))
 
 
 def episode_columns(
@@ -161,6 +178,8 @@ def episode_columns(
     if isinstance(outcomes, ReachOutcomes):
         counts, num_points = outcomes.is_success(100.0).astype(np.int64), 1
     settings = [dict(drawn(mission, scenario)) for scenario in scenarios]
+    asked = mission.inspection_threshold_percent
+    thresholds = np.array([of.get("inspection_threshold_percent", asked) for of in settings])
     return {
         "case": np.arange(len(scenarios)),
         **({} if mission.has_fleet else columns_of(scenarios)),  # those of fleets are of their deputies
@@ -171,7 +190,7 @@ def episode_columns(
         "mean_distance_m": outcomes.mean_distance_m,
         "min_distance_m": outcomes.min_distance_m,
         "max_distance_m": outcomes.max_distance_m,
-        "success": outcomes.is_success(mission.inspection_threshold_percent),
+        "success": outcomes.is_success(thresholds),
         "violated": outcomes.is_violated,
         "safety_periods": outcomes.safety_periods,
         "safety_delta_v_m_s": outcomes.safety_delta_v_m_s,

@@ -256,7 +256,7 @@ class ReachEnv(InspectionEnv):
         is_docked = is_there and speed <= problem.goal_speed_m_s
         is_failed = (is_there and not is_docked) or is_far or is_late
         nearer = 0.5 ** (distance / paid.halved_m) - 0.5 ** (before / paid.halved_m)
-        left = 1.0 - steps / (mission.num_controls - 1)
+        left = 1.0 - steps / max(1, mission.num_controls - 1)
         reward = (
             paid.approach * nearer
             - paid.per_delta_v * (spent - spent_before) / mission.control_period_s

@@ -17,7 +17,7 @@ from pipeline.gym.episodes import AFRL, AFRL_WEIGHTED, Reward
 FAMILY: Final = "Inspection"
 NUMBER: Final = "v1"
 VERSION: Final = f"{FAMILY}-{NUMBER}"
-#: three orbits of the paper's chief, s
+#: three orbits of AFRL's chief, s
 THREE_ORBITS_S: Final = 18_360
 #: deputies of a fleet, and how near two of them collide, m, as AFRL's do
 NUM_DEPUTIES, COLLISION_M = 2, 10.0

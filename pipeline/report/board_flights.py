@@ -70,8 +70,9 @@ class BoardFlights:
 
     def percent_beyond(self, limit_m: float, minutes: float) -> float:
         """Return which share of the flights goes beyond a distance within some minutes after the end, %."""
-        within = self.after_s <= 60.0 * minutes
-        return float(100.0 * np.mean(self.after_m[:, within].max(axis=1) > limit_m))
+        until, within = 60.0 * minutes, self.after_s <= 60.0 * minutes
+        then = [np.interp(until, self.after_s, distances) for distances in self.after_m]
+        return float(100.0 * np.mean(np.maximum(self.after_m[:, within].max(axis=1), then) > limit_m))
 
 
 def flights_of_board(mission: Mission, tracks: NDArray[np.floating], num_cases: int) -> BoardFlights:
@@ -89,10 +90,9 @@ def flights_of_board(mission: Mission, tracks: NDArray[np.floating], num_cases: 
     times = mission.control_period_s * np.arange(states.shape[1], dtype=np.float64)
     if mission.problem.kind != "inspection":
         return BoardFlights(num_cases, times, distances)
-    spacing = max(SPACING_S, mission.control_period_s)
     motion = FreeMotion(mission, FOLLOWED_S)
-    path = motion.path(mission.num_controls, states[:, -1], FOLLOWED_S, spacing)
-    after = motion.times(FOLLOWED_S, spacing)
+    path = motion.path(mission.num_controls, states[:, -1], FOLLOWED_S, SPACING_S)
+    after = motion.times(FOLLOWED_S, SPACING_S)
     return BoardFlights(num_cases, times, distances, after, _lengths(path, 1).T)
 
 

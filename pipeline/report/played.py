@@ -129,7 +129,7 @@ def player_of_flight(
     experiment: Experiment, controller: Controller, log: FlightLog, title: str, start: Scenario
 ) -> ScriptedPanel:
     """Return the player of a flight that is no case."""
-    mission = experiment.mission
+    mission, start = mission_of_case(experiment.mission, start), replace(start, settings=None)
     run = PlayedRun(experiment.name, experiment.name, mission, controller, [start])
     recorded = {0: recorded_table(log, controller, mission)}
     return panel(PlayedPage(title, experiment.name, [(run, Carried(recorded=recorded))]))

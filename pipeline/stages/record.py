@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from pipeline.controllers.source import controller_of_run
+from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.fleet_logs import fly_logged_fleet
 from pipeline.flight.goals.flights import achieved, fly_logged
@@ -134,10 +135,11 @@ def _record(experiment: Experiment, folder: Path, flights: list[FlightToRecord])
             paths = _record_fleet(experiment, folder, controller, recorder, flight)
             continue
         log = fly_logged(experiment.mission, controller, flight.scenario)
-        _check_repeated(flight, achieved(experiment.mission, log))
+        mission = mission_of_case(experiment.mission, flight.scenario)
+        _check_repeated(flight, achieved(mission, log))
         path = folder / artifacts.RECORDINGS / f"{flight.name}.mcap"
         recorder.record(path, flight.scenario, log, flight.scenario_id)
-        sys.stderr.write(f"  {path.relative_to(folder).as_posix()}: {_in_words(experiment.mission, log)}\n")
+        sys.stderr.write(f"  {path.relative_to(folder).as_posix()}: {_in_words(mission, log)}\n")
         paths = [path]
     # the last: the best of an evaluation
     sys.stderr.write(f"  to watch one: {typed.replay(*paths)}\n")

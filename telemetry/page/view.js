@@ -412,6 +412,6 @@ export function pushText(axis, force) {
 
 /** A time of a flight, such as "20 min 30 s". */
 export function clockWords(seconds) {
-  const rest = Math.round(seconds % 60);
-  return `${Math.floor(seconds / 60)} min ${String(rest).padStart(2, "0")} s`;
+  const whole = Math.round(seconds);
+  return `${Math.floor(whole / 60)} min ${String(whole % 60).padStart(2, "0")} s`;
 }

@@ -18,14 +18,13 @@ from numpy.typing import NDArray
 from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.case_space import CaseSpace
 from pipeline.evaluation.assurance.formula import Formula, quantities_of, render, unit_of
-from pipeline.evaluation.assurance.quantities import UNITS, TrackFacts, of_tracks
+from pipeline.evaluation.assurance.quantities import UNITS, TrackFacts, facts_of_flown, of_tracks
 from pipeline.evaluation.assurance.requirements import Requirement, RequirementError, check_formulas
 from pipeline.evaluation.assurance.robustness import Samples, deciding_units, holds, premises, robustness
 from pipeline.evaluation.monte_carlo import fly_tracked, fly_tracked_fleets
 from pipeline.evaluation.sequential import Stop
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.state.log import Scenario
-from pipeline.flight.world.pack import inspection_points
 from pipeline.run.engine import HERE, TaskPool
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.training import CmaEs, Optimizer
@@ -92,7 +91,6 @@ class Campaign:
 
     def __init__(self, mission: Mission, controller: Controller, workers: int | None = None) -> None:
         self._mission, self._controller, self._workers = mission, controller, workers
-        self._num_points = len(inspection_points(mission))
 
     def judge(
         self,
@@ -160,7 +158,7 @@ class Campaign:
         workers = 1 if len(scenarios) < FEW else self._workers
         fly = fly_tracked_fleets if self._mission.has_fleet else fly_tracked
         outcomes, tracks = fly(self._mission, self._controller, scenarios, workers)
-        return tracks, TrackFacts(self._num_points, outcomes.inspectable_count, self._mission)
+        return tracks, facts_of_flown(self._mission, scenarios, outcomes.inspectable_count)
 
 
 def judge_part(

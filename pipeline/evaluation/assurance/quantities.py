@@ -25,11 +25,14 @@ from pipeline.evaluation.assurance.formula import (
     kind_of,
     seconds_of,
 )
+from pipeline.flight.cases.dispersions import OF_MOTION, groups_of
 from pipeline.flight.state import arrays
-from pipeline.flight.state.log import inspectable_rate
+from pipeline.flight.state.log import Scenario, inspectable_rate
 from pipeline.flight.world.coasting import FreeMotion
+from pipeline.flight.world.pack import inspection_points
 from pipeline.physics.quaternion import seen_from_hill
 from pipeline.settings import plugged
+from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Mission
 from telemetry.file.recording import Recording
 from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
@@ -38,16 +41,26 @@ _BORESIGHT = slice(arrays.TRACK_BORESIGHT, arrays.TRACK_BORESIGHT + 3)
 
 
 class TrackFacts(NamedTuple):
-    """What tracks do not hold: the mission, and points, in all and inspectable, (n,)."""
+    """What tracks do not hold: the mission, and points, in all and inspectable, (n,).
+
+    Where cases draw settings of free motion, also the missions in which they move, each with the rows of its
+    cases.
+    """
 
     number: int
     inspectable: Integers
     mission: Mission
+    drawn: Sequence[tuple[Mission, Sequence[int]]] = ()
 
     @property
     def mean_motion(self) -> float:
         """The chief's mean motion, rad/s."""
         return self.mission.orbit.mean_motion_rad_s
+
+    @property
+    def moving(self) -> Sequence[tuple[Mission, Sequence[int] | slice]]:
+        """The missions in which cases move freely, each with the rows of its cases."""
+        return self.drawn or [(self.mission, slice(None))]
 
 
 #: from tracks, (n, K+1, 15), and what they do not hold to (n, K+1)
@@ -103,10 +116,19 @@ def _coasting(name: str, seconds: float | None = None) -> OfTracks:
     end = 0 if name == COASTING else 1
 
     def distance(tracks: Floats, facts: TrackFacts) -> Floats:
-        duration = 2.0 * np.pi / facts.mean_motion if seconds is None else seconds
-        return FreeMotion(facts.mission, duration).distances(tracks[..., :6], duration)[end]
+        found = np.empty(tracks.shape[:2])
+        for mission, rows in facts.moving:
+            duration = _lasting(mission, seconds)
+            motion = FreeMotion(mission, duration)
+            found[rows] = motion.distances(tracks[rows, :, :6], duration)[end]
+        return found
 
     return distance
+
+
+def _lasting(mission: Mission, seconds: float | None) -> float:
+    """Return some seconds, or an orbit's where none are given."""
+    return 2.0 * np.pi / mission.orbit.mean_motion_rad_s if seconds is None else seconds
 
 
 def _pairs(tracks: Floats) -> Iterator[Floats]:
@@ -125,7 +147,7 @@ def _coasting_pair(seconds: float | None = None) -> OfTracks:
     """Return how near two deputies come by free motion over some seconds, an orbit unless given."""
 
     def distance(tracks: Floats, facts: TrackFacts) -> Floats:
-        duration = 2.0 * np.pi / facts.mean_motion if seconds is None else seconds
+        duration = _lasting(facts.mission, seconds)
         motion = FreeMotion(facts.mission.of_each, duration)
         nearest = [motion.distances(each, duration, is_relative=True)[0] for each in _pairs(tracks)]
         return np.asarray(np.min(nearest, axis=0))
@@ -314,6 +336,12 @@ def _of_name(name: str) -> OfTracks:
     if seconds is None:
         return QUANTITIES[name].of_tracks
     return _coasting_pair(seconds) if kind == COASTING_PAIR else _coasting(kind, seconds)
+
+
+def facts_of_flown(mission: Mission, scenarios: Sequence[Scenario], inspectable: Integers) -> TrackFacts:
+    """Return what tracks of flights from some starts, or of fleets, do not hold."""
+    missions = groups_of(mission, scenarios, OF_MOTION) if distributions(mission.dispersions) else ()
+    return TrackFacts(len(inspection_points(mission)), inspectable, mission, missions)
 
 
 def track_of(recording: Recording, mission: Mission) -> tuple[Floats, TrackFacts]:

@@ -18,6 +18,8 @@ from pipeline.settings.experiment import Mission
 
 #: keys with the values of one case, sorted
 Drawn = tuple[tuple[str, float], ...]
+#: beginnings of the keys on which free motion depends
+OF_MOTION = ("orbit.", "dynamics.")
 
 
 def drawn(mission: Mission, scenario: Scenario) -> Drawn:
@@ -57,11 +59,18 @@ def mission_of_case(mission: Mission, scenario: Scenario) -> Mission:
     return mission_with(mission, drawn(mission, scenario))
 
 
-def groups_of(mission: Mission, scenarios: Sequence[Scenario]) -> list[tuple[Mission, list[int]]]:
-    """Return the missions that some cases fly, each with the indices of the cases that share it."""
+def groups_of(
+    mission: Mission, scenarios: Sequence[Scenario], beginnings: tuple[str, ...] = ("",)
+) -> list[tuple[Mission, list[int]]]:
+    """Return the missions that some cases fly, each with the indices of the cases that share it.
+
+    Cases share a mission that draw the same for the settings whose keys begin with one of `beginnings`; where
+    none of these is drawn, all fly one.
+    """
     indices: dict[Drawn, list[int]] = {}
     for index, scenario in enumerate(scenarios):
-        indices.setdefault(drawn(mission, scenario), []).append(index)
+        values = tuple(each for each in drawn(mission, scenario) if each[0].startswith(beginnings))
+        indices.setdefault(values, []).append(index)
     return [(mission_with(mission, values), shared) for values, shared in indices.items()]
 
 

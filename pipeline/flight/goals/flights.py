@@ -1,18 +1,20 @@
 """Flights, judged by what their mission is for."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import LANES
 from fis_tools.engines.packing import Packed
+from pipeline.flight.cases.dispersions import groups_of, mission_of_case
 from pipeline.flight.cases.starts import Cases
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly import simulation
 from pipeline.flight.fly.fleets_ahead import fly_all_fleets
 from pipeline.flight.fly.population import fly_population
-from pipeline.flight.goals.reach import ended, judged
+from pipeline.flight.goals.reach import ReachOutcomes, ended, judged
 from pipeline.flight.state.arrays import NUM_TRACKED, Law, World
 from pipeline.flight.state.log import FlightLog, Outcomes, Scenario, combined
 from pipeline.settings.experiment import Mission
@@ -42,10 +44,24 @@ def fly_all(
         part = slice(first, min(first + length, len(scenarios)))
         whole = _room(part.stop - part.start, mission)
         flown = simulation.fly_all(mission, controller, scenarios[part], workers, whole)
-        parts.append(judged(mission, flown, whole))
+        parts.append(_judged_by_case(mission, scenarios[part], flown, whole))
         if tracks is not None:
             tracks[part] = whole[..., : tracks.shape[-1]]
     return combined(parts)
+
+
+def _judged_by_case(
+    mission: Mission, scenarios: list[Scenario], flown: Outcomes, tracks: NDArray[np.float32]
+) -> ReachOutcomes:
+    """Judge flights by their tracks, each by the goal and the limits that its case has drawn."""
+    groups = groups_of(mission, scenarios, ("problem.",))
+    if len(groups) == 1:
+        return judged(groups[0][0], flown, tracks)
+    parts = []
+    for of_group, rows in groups:
+        parts.append(judged(of_group, flown.each(partial(np.take, indices=rows, axis=0)), tracks[rows]))
+    order = np.argsort([row for _, rows in groups for row in rows])
+    return combined(parts).each(partial(np.take, indices=order, axis=0))
 
 
 def fly_genomes(
@@ -86,6 +102,6 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     """Fly one episode and log it; a goal that is reached counts as the one point."""
     log = simulation.fly_logged(mission, controller, scenario)
     if mission.problem.kind == "reach":
-        last, fault = ended(mission, log)
+        last, fault = ended(mission_of_case(mission, scenario), log)
         log.is_inspected[last:] = not fault
     return log

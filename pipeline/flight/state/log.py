@@ -172,8 +172,8 @@ class Outcomes:
         """Whether a sample 1 … K was outside the distance limits."""
         return self.outside_m > 0.0
 
-    def is_success(self, threshold_percent: float) -> Booleans:
-        """Whether enough of the inspectable points are inspected."""
+    def is_success(self, threshold_percent: float | Floats) -> Booleans:
+        """Whether enough of the inspectable points are inspected, by one threshold or one for each flight."""
         return np.asarray(self.inspected_count >= points_needed(self.inspectable_count, threshold_percent))
 
     def each(self, change: Callable[[Any], Any]) -> Self:
@@ -195,7 +195,7 @@ def inspectable_rate(inspected: Any, inspectable: Any) -> Any:
     return np.where(np.equal(inspectable, 0), 100.0, 100.0 * inspected / np.maximum(inspectable, 1))[()]
 
 
-def points_needed(num_points: Any, threshold_percent: float) -> Any:
+def points_needed(num_points: Any, threshold_percent: float | Floats) -> Any:
     """Return the least number of points whose rate reaches the threshold, for a number or an array."""
     needed = np.ceil(num_points * threshold_percent / 100.0 - 1e-9)
     return int(needed) if np.ndim(needed) == 0 else needed.astype(np.int64)

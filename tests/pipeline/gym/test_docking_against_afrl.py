@@ -29,6 +29,14 @@ def status_of(info: dict[str, float], is_terminated: bool, steps: int) -> str:
     return "Timeout" if steps == 2001 else "Max Velocity Violation"
 
 
+def test_an_episode_of_one_control_period_ends():
+    env = ReachEnv(["problem=docking", "duration_s=10", "control_period_s=10"])
+    env.reset(seed=1)
+    _, reward, is_terminated, is_truncated, _ = env.step(np.zeros(3))
+    assert np.isfinite(reward)
+    assert is_terminated or is_truncated
+
+
 @pytest.mark.slow
 def test_episodes_pass_as_in_afrls_environment(flown):
     env = ReachEnv(["problem=docking"])

@@ -144,3 +144,11 @@ def test_a_grid_has_a_row_for_each_term_of_the_first_input_and_a_column_for_each
     assert [head[0] for head in grid.heads] == ["left", "middle", "right"]
     assert [[cell.number for cell in cells] for _, cells in grid.rows] == [[1, 2, 3], [4, 5, 6]]
     assert [{cell.term for cell in cells} for _, cells in grid.rows] == [{"little"}, {"much"}]
+
+
+def test_the_share_beyond_a_distance_reaches_to_the_minute_that_is_told():
+    after = np.arange(0.0, 601.0, 40.0)  # no sample at five minutes
+    flights = replace(
+        FLIGHTS, after_s=after, after_m=np.array([100.0 + 0.5 * after, np.full(len(after), 50.0)])
+    )
+    assert [flights.percent_beyond(limit, 5) for limit in (245.0, 251.0)] == [50.0, 0.0]

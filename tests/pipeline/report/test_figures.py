@@ -105,8 +105,8 @@ def test_starts_bear_their_numbers_and_share_a_label_where_they_coincide():
     (dots,) = [drawn for drawn in space.collections if isinstance(drawn, Path3DCollection)]
     np.testing.assert_allclose(np.transpose(dots._offsets3d), starts)
     for ax, axes, shown in ((orbit, (1, 0), (0, 2)), (across, (1, 2), (0, 1, 2))):
-        places = [starts[case][list(axes)] for case in shown]
-        np.testing.assert_allclose([text.get_position() for text in ax.texts], places, atol=0.051)
+        expected = [starts[case][list(axes)] for case in shown]
+        np.testing.assert_allclose([text.get_position() for text in ax.texts], expected, atol=0.051)
 
 
 def test_a_runaway_does_not_shrink_the_others_and_stands_apart_from_the_crowd():

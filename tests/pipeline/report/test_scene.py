@@ -21,6 +21,7 @@ from pipeline.flight.goals.reach import until_end
 from pipeline.flight.state.log import REHEARSED
 from pipeline.recording.firing import IN_EFFECT, delay_of
 from pipeline.recording.recorder import FlightRecorder
+from pipeline.report import played
 from pipeline.report.contents import ShownFlight
 from pipeline.report.played import player_of_flight
 from pipeline.report.scene import recorded_table
@@ -105,6 +106,22 @@ def test_a_push_names_the_rule_that_recordings_give_the_largest_share(flown, tmp
         assert texts[0][int(np.abs(log.force_hill_n[0]).argmax())].lower() == f"{chosen[0].lower()}."
     assert is_first or num_named > 0 or not controller.systems
     assert is_first == (controller.name == "champion_27_rehearsed")
+
+
+def test_a_page_of_a_flight_is_of_what_its_case_has_drawn(monkeypatch):
+    drawn = "+dispersions.deputy.mass_kg={kind:uniform,low:3.0,high:3.01}"
+    experiment = compose_experiment(["+experiment=fly", "controller=champion_27", "case=3", drawn]).experiment
+    controller, missions = source.named("champion_27", experiment.mission), []
+    _, start = start_shown(experiment)
+    log = fly_logged(experiment.mission, controller, start)
+
+    def keep(log, controller, mission):
+        missions.append(mission)
+        return recorded_table(log, controller, mission)
+
+    monkeypatch.setattr(played, "recorded_table", keep)
+    player_of_flight(experiment, controller, log, "Flight", start)
+    assert [mission.deputy.mass_kg for mission in missions] == [pytest.approx(3.005, abs=0.005)]
 
 
 def test_a_thinned_page_names_a_rule_only_of_a_push_that_it_has(tmp_path, monkeypatch):

@@ -106,6 +106,16 @@ def test_a_comparison_of_approaches_says_what_its_columns_mean(tmp_path):
     assert "Sun random" not in page
 
 
+@pytest.mark.parametrize(
+    ("words", "limits"),
+    [((), "the same distance limits"), (("deputy.max_distance_m=199",), "distance limits of 15 and 200 m")],
+)
+def test_the_paper_s_limits_are_told_where_those_of_a_comparison_differ(words, limits):
+    experiment = compose_experiment(["+experiment=baselines", *words]).experiment
+    description = " ".join(comparison.describe_columns(experiment))
+    assert f"*published ({comparison.PAPER_NAME}), with {limits}; " in description
+
+
 def test_marks_are_means_and_spreads(folder):
     rows = comparisons.read_comparison(folder)
     panels = comparisons.marks_of(rows)

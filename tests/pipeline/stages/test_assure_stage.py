@@ -361,8 +361,8 @@ def test_what_follows_the_end_is_told_where_no_requirement_is_about_it(evidence,
     further = {**evidence["requirements"][0], "id": "R99", "formula": formula}
     shown = {**evidence, "requirements": [*others, further]}
     text = render_board(shown, (), flights, None, date(2026, 1, 2))
-    told = "without a further push 100 % of these flights are beyond 200 m within 30 min"
-    assert (told in text) == (not formula)
+    sentence = "without a further push 100 % of these flights are beyond 200 m within 30 min"
+    assert (sentence in text) == (not formula)
 
 
 @pytest.mark.parametrize("name", ["champion_27", "champion_docking"])

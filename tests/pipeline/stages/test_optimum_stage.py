@@ -73,9 +73,9 @@ def test_plans_fly_as_the_table_says_and_their_forces_are_in_one_table(folder):
         assert cases["delta_v_bound_m_s"][case] <= cases["delta_v_m_s"][case]
         spent = np.abs(rows[rows[:, 0] == case, 2:]).sum() * 10.0 / 12.0
         assert spent == pytest.approx(cases["delta_v_m_s"][case], rel=1e-12)
-        plan = np.loadtxt(path, delimiter=",", skiprows=1)
+        plan = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
         np.testing.assert_array_equal(plan[:, 0], 10.0 * np.arange(len(plan)))
-        assert plan[-1, 1:].any()  # a table ends where its plan does
+        assert plan[-1, 1:].any() or len(plan) == 1  # a table ends where its plan does
         np.testing.assert_array_equal(rows[rows[:, 0] == case, 1:], plan[plan[:, 1:].any(axis=1)])
 
 
