@@ -178,8 +178,8 @@ def episode_columns(
     if isinstance(outcomes, ReachOutcomes):
         counts, num_points = outcomes.is_success(100.0).astype(np.int64), 1
     settings = [dict(drawn(mission, scenario)) for scenario in scenarios]
-    asked = mission.inspection_threshold_percent
-    thresholds = np.array([of.get("inspection_threshold_percent", asked) for of in settings])
+    nominal = mission.inspection_threshold_percent
+    thresholds = np.array([of.get("inspection_threshold_percent", nominal) for of in settings])
     return {
         "case": np.arange(len(scenarios)),
         **({} if mission.has_fleet else columns_of(scenarios)),  # those of fleets are of their deputies

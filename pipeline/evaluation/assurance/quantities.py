@@ -116,12 +116,12 @@ def _coasting(name: str, seconds: float | None = None) -> OfTracks:
     end = 0 if name == COASTING else 1
 
     def distance(tracks: Floats, facts: TrackFacts) -> Floats:
-        found = np.empty(tracks.shape[:2])
+        distances = np.empty(tracks.shape[:2])
         for mission, rows in facts.moving:
             duration = _lasting(mission, seconds)
             motion = FreeMotion(mission, duration)
-            found[rows] = motion.distances(tracks[rows, :, :6], duration)[end]
-        return found
+            distances[rows] = motion.distances(tracks[rows, :, :6], duration)[end]
+        return distances
 
     return distance
 

@@ -45,7 +45,7 @@ def pair(words: tuple[str, ...], key: str, value: float) -> list[Experiment]:
         return []
 
 
-def told(experiment: Experiment) -> dict[str, Any]:
+def judged(experiment: Experiment) -> dict[str, Any]:
     """Return the columns of an evaluation, and how near and far flights of an inspection coast."""
     mission, scenarios = experiment.mission, evaluation_scenarios(experiment)
     controller = load(experiment.controller, mission)
@@ -64,7 +64,7 @@ def test_what_is_drawn_alike_counts_as_what_is_set(words):
     compared = {key: experiments for key, experiments in both.items() if experiments}
     assert len(compared) > 5
     for key, (given, drawn) in compared.items():
-        expected, columns = told(given), told(drawn)
+        expected, columns = judged(given), judged(drawn)
         assert columns.keys() == expected.keys() | {key}
         for name, values in expected.items():
             np.testing.assert_allclose(columns[name], values, 1e-4, 1e-5, err_msg=f"{key}: {name}")
