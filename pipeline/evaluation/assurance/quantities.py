@@ -339,7 +339,16 @@ def _of_name(name: str) -> OfTracks:
 
 
 def facts_of_flown(mission: Mission, scenarios: Sequence[Scenario], inspectable: Integers) -> TrackFacts:
-    """Return what tracks of flights from some starts, or of fleets, do not hold."""
+    """Return what tracks of flights from some starts, or of fleets, do not hold.
+
+    Parameters
+    ----------
+    mission : Mission
+    scenarios : sequence of Scenario, of length n
+        With settings that they draw, if the mission disperses some.
+    inspectable : (n,)
+        How many points can be inspected in each case.
+    """
     missions = groups_of(mission, scenarios, OF_MOTION) if distributions(mission.dispersions) else ()
     return TrackFacts(len(inspection_points(mission)), inspectable, mission, missions)
 

@@ -67,6 +67,9 @@ def groups_of(
     Cases share a mission that draw the same for the settings whose keys begin with one of `beginnings`; where
     none of these is drawn, all fly one.
     """
+    dispersed = distributions(mission.dispersions)
+    if dispersed and not any(each.key.startswith(beginnings) for each in dispersed):
+        return [(mission_with(mission, ()), [*range(len(scenarios))])]  # nothing of it need be drawn
     indices: dict[Drawn, list[int]] = {}
     for index, scenario in enumerate(scenarios):
         values = tuple(each for each in drawn(mission, scenario) if each[0].startswith(beginnings))

@@ -74,7 +74,10 @@ class FreeMotion:
         return np.r_[np.arange(0, last, stride), last]
 
     def rows(self, k: int, seconds: float, spacing_s: float) -> Floats:
-        """Return the rows, (J, 3, 7), of positions, m, by a state at sample k and 1; see `times`."""
+        """Return the rows of positions, m, by a state at sample k, m and m/s, and 1, (J, 3, 7).
+
+        There is one for each of `times`.
+        """
         if self._tables is None:
             count = len(self.times(seconds, spacing_s))
             return _rows(self._mission.orbit.mean_motion_rad_s, seconds, count)
