@@ -61,7 +61,9 @@ def _make_folder_of(path: Path) -> None:
     """Make the missing folder of a file, but no run's folder anew, which somebody has moved."""
     folder = path.parent
     missing = [each for each in path.parents if not each.exists()]
-    if len(missing) > 1 and path.name != CONFIG and not (missing[-1].parent / CONFIG).exists():
+    # a run's files stand in its folder or in one inside, such as evaluate/
+    is_in_run = missing and any((each / CONFIG).exists() for each in missing[-1].parents[:2])
+    if len(missing) > 1 and path.name != CONFIG and not is_in_run:
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(missing[-1]))
     folder.mkdir(parents=True, exist_ok=True)
 

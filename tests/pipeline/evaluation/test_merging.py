@@ -58,6 +58,15 @@ def test_the_shards_of_a_campaign_are_byte_for_byte_the_whole(
     assert not (tmp_path / "merged" / artifacts.EPISODE_PARTS).exists()
 
 
+def test_what_was_flown_in_parts_is_repeated_in_its_folder(flown, shards, ran):
+    ran("repeat", str(shards["a"]), "evaluate")
+    ran("merge", *(str(shards[name]) for name in "abc"), "-o", str(shards["d"].parent / "whole"))
+    for name, again in ("a", shards["a"]), ("whole", shards["d"].parent / "whole"):
+        for table in (artifacts.EPISODES, artifacts.SUMMARY):
+            assert (again / table).read_bytes() == (flown / name / table).read_bytes()
+        assert not (again / artifacts.EPISODE_PARTS).exists()
+
+
 def test_a_shard_has_the_cases_of_the_whole(flown):
     whole, shard = (tables.read_parquet(flown / name, artifacts.EPISODES) for name in ("whole", "b"))
     for name in whole:
