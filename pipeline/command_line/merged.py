@@ -44,4 +44,4 @@ def merge(given: Sequence[str]) -> int:
         runs.check_vacant(job)
         configuration.write(folder, config)
         merging.write_parts(shards, folder)
-        return runs.run_new(job, ["merge", *given])
+        return runs.run(job, command=["merge", *given])

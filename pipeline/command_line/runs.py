@@ -40,7 +40,7 @@ def run_new(job: Job, command: Sequence[str]) -> int:
         The arguments that start it.
     """
     check_vacant(job)
-    return _run(job, command=command)
+    return run(job, command=command)
 
 
 def run_or_resume(job: Job, command: Sequence[str]) -> int:
@@ -84,8 +84,22 @@ def shown_path(folder: Path) -> Path:
     return Path(os.path.relpath(folder)) if Path.cwd() in folder.parents else folder
 
 
-def _run(job: Job, stages: Sequence[str] | None = None, command: Sequence[str] | None = None) -> int:
-    """Run stages of a run, and print where the files are and what is missing."""
+def run(job: Job, stages: Sequence[str] | None = None, command: Sequence[str] | None = None) -> int:
+    """Run stages in a folder that was checked; print where the files are and what is missing.
+
+    Parameters
+    ----------
+    job : Job
+    stages : sequence of str, optional
+        By default all of the experiment's.
+    command : sequence of str, optional
+        The arguments with which a new run is started.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
     path = shown_path(job.folder)
     sys.stderr.write(f"run folder: {path}\n")
     try:
@@ -115,9 +129,9 @@ def resume(
     """
     configuration.read(folder)
     with held(folder):
-        run = stored(folder)
-        given = given_again(overrides, run.experiment.name)
-        config = with_values(run.config, given | ({LOGGER: logger} if logger else {}))
+        job = stored(folder)
+        given = given_again(overrides, job.experiment.name)
+        config = with_values(job.config, given | ({LOGGER: logger} if logger else {}))
         experiment = schema.experiment_from(config)
         manifest = manifests.read_if_any(folder)
         finished = manifest.get("finished_stages", [])
@@ -128,7 +142,7 @@ def resume(
             return OK
         check_before(replace(experiment, stages=left))
         job = Job(config, replace(experiment, resume=True), folder)
-        return _run(job, left, None if manifest else command)
+        return run(job, left, None if manifest else command)
 
 
 def given_again(overrides: Iterable[Override], name: str = "") -> dict[str, Any]:
@@ -199,7 +213,7 @@ def repeat(folder: Path, overrides: Mapping[str, Override], config_dir: Path | N
             from pipeline.controllers.source import require_kept  # noqa: PLC0415 - compiled code
 
             require_kept(experiment, folder)
-        return _run(Job(config, experiment, folder), stages)
+        return run(Job(config, experiment, folder), stages)
 
 
 def stored(folder: Path) -> Job:

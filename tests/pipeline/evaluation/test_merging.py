@@ -67,6 +67,15 @@ def test_what_was_flown_in_parts_is_repeated_in_its_folder(flown, shards, ran):
         assert not (again / artifacts.EPISODE_PARTS).exists()
 
 
+def test_shards_are_merged_beside_other_files(flown, tmp_path, ran):
+    (tmp_path / "merged").mkdir()
+    (tmp_path / "merged" / "notes.txt").write_text("spring")
+    ran("merge", *(str(flown / name) for name in "abc"), "-o", str(tmp_path / "merged"))
+    assert (tmp_path / "merged" / "notes.txt").read_text() == "spring"
+    merged, whole = (path / artifacts.SUMMARY for path in (tmp_path / "merged", flown / "whole"))
+    assert merged.read_bytes() == whole.read_bytes()
+
+
 def test_a_shard_has_the_cases_of_the_whole(flown):
     whole, shard = (tables.read_parquet(flown / name, artifacts.EPISODES) for name in ("whole", "b"))
     for name in whole:
