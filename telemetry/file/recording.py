@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 #: times closer than this are the same, s
 SAME_TIME_S: Final = 1e-6
+#: a number of a vector; squares of greater ones have no room in single precision
+GREATEST: Final = 1e18
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,33 @@ class Recording(Mapping[str, TopicColumns]):
 
     def __len__(self) -> int:
         return len(self.topics)
+
+    def check_vectors(self, topic: str, field: str, length: int) -> None:
+        """Check that a field has some finite numbers in each message.
+
+        Parameters
+        ----------
+        topic, field : str
+            Of the recording.
+        length : int
+            How many numbers.
+
+        Raises
+        ------
+        RecordingError
+            If a message has others.
+        """
+        messages = self[topic]
+        values = np.asarray(messages[field], dtype=np.float64)
+        is_fine = np.full(len(messages), values.shape[1:] == (length,))
+        if is_fine.any():
+            is_fine = np.all(np.abs(values) <= GREATEST, axis=1)
+        if not is_fine.all():
+            when = messages.time_s[int(np.argmin(is_fine))]
+            raise RecordingError(
+                f"{self.path} has no {length} finite numbers as {field} on {topic} at {when:g} s; record "
+                "the flight again, or leave out such messages"
+            )
 
     @property
     def fis_names(self) -> tuple[str, ...]:

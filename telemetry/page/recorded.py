@@ -18,6 +18,8 @@ from telemetry.page.panel import panel
 
 #: samples of a page; a longer recording is thinned
 MOST_SAMPLES = 5000
+#: times the usual time between messages that is told of
+GAP = 2.0
 #: names of the states of a point in a recording
 INSPECTED, LIT = 3, 1
 #: radius of the ball that stands for a chief without points, of the nearest distance
@@ -95,16 +97,39 @@ def _about(recording: Recording, flight: dict[str, Any], file: Path) -> str:
     minutes = (flight["numSamples"] - 1) * flight["periodS"] / 60.0
     absent = {
         "points of the chief": not flight["numPoints"] and recording.episode.end_s is None,
-        "forces": not _rows(recording, topics.DEPUTY_CONTROL),
+        "forces": _control(recording) is None,
         "where the Sun is, or what was spent": not _rows(recording, topics.MISSION),
     }
     missing = [what for what, is_absent in absent.items() if is_absent]
     without = f" It does not tell {', '.join(missing)}." if missing else ""
-    return f"{file.name}: {minutes:.0f} minutes, a sample every {flight['periodS']:g} s.{without}"
+    whole = f"{file.name}: {minutes:.0f} minutes, a sample every {flight['periodS']:g} s."
+    return f"{whole}{_when(recording[topics.DEPUTY_STATE].time_s)}{without}"
+
+
+def _when(time_s: Floats) -> str:
+    """Return when a recording begins, if not at 0, and its longest gap, in words."""
+    begins = f" It begins at {time_s[0]:.12g} s, which is 0 here." if time_s[0] else ""
+    gaps = np.diff(time_s)
+    longest = int(np.argmax(gaps))
+    if gaps[longest] <= GAP * _usual(gaps):
+        return begins
+    return (
+        f"{begins} From {time_s[longest]:.12g} to {time_s[longest + 1]:.12g} s nothing is recorded; the page "
+        "shows what was last."
+    )
 
 
 def _rows(recording: Recording, topic: str) -> int:
     return len(recording.topics.get(topic, ()))
+
+
+def _control(recording: Recording) -> TopicColumns | None:
+    """Return the messages that tell forces; None if none does."""
+    control = recording.topics.get(topics.DEPUTY_CONTROL)
+    if control is None or not control["force_hill_n"].size:
+        return None
+    recording.check_vectors(topics.DEPUTY_CONTROL, "force_hill_n", 3)
+    return control
 
 
 def table_of(recording: Recording) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -122,6 +147,7 @@ def table_of(recording: Recording) -> tuple[dict[str, Any], dict[str, Any]]:
             f"{recording.path} has no two messages on {topics.DEPUTY_STATE}, so nothing can be played; "
             "give a recording that says where the deputy is"
         )
+    recording.check_vectors(topics.DEPUTY_STATE, "position_m", 3)
     state = recording[topics.DEPUTY_STATE]
     times = _times(state, recording.end_s)
     position = _at(state, "position_m", times)
@@ -141,7 +167,7 @@ def table_of(recording: Recording) -> tuple[dict[str, Any], dict[str, Any]]:
         "freeMotion": "",
         "numSystems": 0,
     }
-    mission, control = (recording.topics.get(topic) for topic in (topics.MISSION, topics.DEPUTY_CONTROL))
+    mission, control = recording.topics.get(topics.MISSION), _control(recording)
     texts, reasons = _reasons(recording, times)
     spent = _at(mission, "delta_v_m_s", times) if mission else np.full(len(times), np.nan)
     samples = {
@@ -164,13 +190,18 @@ def _times(state: TopicColumns, end_s: float) -> Floats:
     first = float(state.time_s[0])
     last = max(min(float(state.time_s[-1]), end_s), float(state.time_s[1]))
     gaps = np.diff(state.time_s)
-    usual = float(np.median(gaps[gaps > 0.0])) if np.any(gaps > 0.0) else 0.0
+    usual = _usual(gaps)
     if usual <= 0.0:
         raise RecordingError(
             "all messages have one time, so nothing can be played; give a flight's recording"
         )
     count = min(MOST_SAMPLES, round((last - first) / usual) + 1)
     return np.linspace(first, last, max(2, count))
+
+
+def _usual(gaps: Floats) -> float:
+    """Return the usual time between messages, s; 0 if all have one time."""
+    return float(np.median(gaps[gaps > 0.0])) if np.any(gaps > 0.0) else 0.0
 
 
 def _at(topic: TopicColumns, field: str, times: Floats) -> Floats:
@@ -216,9 +247,9 @@ def _reasons(recording: Recording, times: Floats) -> tuple[list[str], list[list[
 
     Where a fuzzy system inferred what was fired, it is the rule with the largest share along it.
     """
-    control = recording.topics.get(topics.DEPUTY_CONTROL)
+    control = _control(recording)
     texts: list[str] = [UNKNOWN]
-    if not control or not len(control):
+    if control is None:
         return texts, [[0, 0, 0]] * len(times)
     indices = np.zeros((len(control), 3), dtype=np.int64)
     told_last: list[int] = []

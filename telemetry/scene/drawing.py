@@ -336,6 +336,8 @@ def _leader(recording: Recording, row: int) -> str:
         holding = np.array(recording.fis_description(name).holding, dtype=np.intp) - 1
         for index in fired[fired_s == time].tolist():
             output, shares = float(topic["output_n"][index]), topic["shares_n"][index]
+            if not shares.size:
+                continue
             pushes = np.sign(output) * shares
             pushes[holding] = 0.0
             if np.any(pushes > 0.0):

@@ -33,6 +33,8 @@ COMPANION_COLOURS: Final[tuple[curves.Colour, ...]] = (
 
 #: the paper's, if the recording has none
 DEFAULT_BORESIGHT: Final = (-1.0, 0.0, 0.0)
+#: what is drawn as a path, and as an arrow, by its topic
+VECTORS: Final = {topics.DEPUTY_STATE: "position_m", topics.DEPUTY_CONTROL: "force_hill_n"}
 #: length of the arrow of the largest force
 FORCE_ARROW_M: Final = 25.0
 #: how much larger, and how much nearer to white, the point that pulls most is
@@ -86,11 +88,14 @@ def _showable(recording: Recording) -> Recording:
     missing += [
         t for t in (topics.DEPUTY_STATE, topics.MISSION) if t not in missing and not len(recording[t])
     ]
+    missing += [t for t in map(topics.fis_topic, recording.fis_names) if t not in recording.topics]
     if missing:
         raise RecordingError(
             f"{recording.path} holds no messages on {', '.join(missing)}, which a replay needs; "
             "give a recording that telemetry.EpisodeWriter wrote"
         )
+    for topic, field in VECTORS.items():
+        recording.check_vectors(topic, field, 3)
     return recording
 
 

@@ -3,7 +3,7 @@
 import errno
 import io
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +12,16 @@ from mcap.writer import CompressionType, Writer
 
 from plain_files import file_access
 
+PLAIN = {"episode": {"scenario_id": "plain"}}
 
-def plain_file(path: Path, compression: CompressionType, chunk_size: int, messages: Iterable[Any]) -> Path:
+
+def plain_file(
+    path: Path,
+    compression: CompressionType,
+    chunk_size: int,
+    messages: Iterable[Any],
+    metadata: Mapping[str, Mapping[str, str]] = PLAIN,
+) -> Path:
     """Write (schema, channel, message), as the mcap library reads them."""
     with path.open("wb") as output:
         writer = Writer(output, compression=compression, chunk_size=chunk_size)
@@ -24,7 +32,8 @@ def plain_file(path: Path, compression: CompressionType, chunk_size: int, messag
                 schema_id = writer.register_schema(schema.name, "protobuf", schema.data)
                 channels[channel.topic] = writer.register_channel(channel.topic, "protobuf", schema_id)
             writer.add_message(channels[channel.topic], message.log_time, message.data, message.log_time)
-        writer.add_metadata("episode", {"scenario_id": "plain"})
+        for name, entries in metadata.items():
+            writer.add_metadata(name, dict(entries))
         writer.finish()
     return path
 

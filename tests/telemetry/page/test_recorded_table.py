@@ -4,12 +4,18 @@ import base64
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap.writer import CompressionType
 from scipy.spatial.transform import Rotation
 
 import telemetry
-from telemetry.file.topics import PointState
+from telemetry.file import RecordingError
+from telemetry.file.schema import inspection_pb2
+from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, PointState
 from telemetry.page import recorded
+from telemetry.scene import replay
 from tests.telemetry import synthetic_flight
+from tests.telemetry.odd_files import plain_file
 from tests.telemetry.synthetic_flight import CONTROL_PERIOD, NUM_POINTS
 
 
@@ -63,3 +69,72 @@ def test_the_page_tells_how_long_and_what_is_missing(short_flight, short_file):
     words = recorded._about(telemetry.read(short_file), flight, short_file)
     minutes = round(short_flight.num_controls * CONTROL_PERIOD / 60.0)
     assert words == f"{short_file.name}: {minutes} minutes, a sample every 10 s."
+
+
+def changed(source, path, topic, change):
+    """Copy a recording whose messages on a topic are changed, or left out where the change says so."""
+    kind = {DEPUTY_STATE: inspection_pb2.DeputyState, DEPUTY_CONTROL: inspection_pb2.Control}[topic]
+
+    def messages(reader):
+        for schema, channel, message in reader.iter_messages():
+            if channel.topic == topic:
+                content = kind.FromString(message.data)
+                if not change(content, message.log_time / 1e9):
+                    continue
+                message.data = content.SerializeToString()
+            yield schema, channel, message
+
+    with source.open("rb") as stream:
+        return plain_file(path, CompressionType.ZSTD, 100_000, messages(make_reader(stream)))
+
+
+@pytest.mark.parametrize("position", [[], [1.0, 2.0], [1.0, np.nan, 2.0], [1e300, 0.0, 0.0]])
+def test_positions_that_are_none_are_refused_with_their_time(short_file, tmp_path, position):
+    def change(state, time_s):
+        if time_s >= 40.0:
+            state.position_m[:] = position
+        return len(position) == 3 or time_s >= 40.0
+
+    path = changed(short_file, tmp_path / "odd.mcap", DEPUTY_STATE, change)
+    for show in (recorded.write, lambda path: replay.scene([path])):
+        with pytest.raises(
+            RecordingError, match=r"no 3 finite numbers as position_m on /deputy/state at 40 s"
+        ):
+            show(path)
+
+
+def test_forces_that_nobody_tells_are_said_to_be_missing(short_file, tmp_path):
+    def change(control, _time_s):
+        control.ClearField("force_hill_n")
+        return True
+
+    path = changed(short_file, tmp_path / "odd.mcap", DEPUTY_CONTROL, change)
+    assert "It does not tell forces." in recorded.write(path)
+    with pytest.raises(RecordingError, match=r"no 3 finite numbers as force_hill_n"):
+        replay.scene([path])
+
+
+def test_the_page_tells_when_a_recording_begins_and_what_it_lacks(short_file, tmp_path):
+    path = changed(
+        short_file,
+        tmp_path / "odd.mcap",
+        DEPUTY_STATE,
+        lambda _, time_s: 120 <= time_s <= 300 or time_s > 700,
+    )
+    text = recorded.write(path)
+    assert "It begins at 120 s, which is 0 here. From 300 to 710 s nothing is recorded; the page" in text
+
+
+def test_a_replay_needs_what_is_told_to_be_there(short_file, tmp_path):
+    def messages(reader):
+        for schema, channel, message in reader.iter_messages():
+            if not channel.topic.startswith("/fis/"):
+                yield schema, channel, message
+
+    metadata = telemetry.read(short_file).metadata
+    with short_file.open("rb") as stream:
+        path = plain_file(
+            tmp_path / "odd.mcap", CompressionType.ZSTD, 100_000, messages(make_reader(stream)), metadata
+        )
+    with pytest.raises(RecordingError, match="holds no messages on /fis/"):
+        replay.scene([path])
