@@ -75,13 +75,20 @@ def save(scene: Scene, output: Path) -> None:
             f"choose a name such as {output.with_suffix(ENDING)}"
         )
     cure = "choose an existing folder with free space"
-    # RuntimeError where the library's file takes no more; where it cannot be opened, the library would notice
-    # only later, and drop its data with a warning
+    # RuntimeError where the library cannot encode
     with explained(f"{output} cannot be written", cure, RuntimeError), replacing(output) as file:
-        stream = _stream(scene)
-        stream.save(file.name, default_blueprint=scene.layout)
-        _fill(stream, scene)
-        stream.disconnect()
+        file.write(_content(scene))
+
+
+def _content(scene: Scene) -> bytes:
+    """Return the content of a scene's file; the library's own writer may wait for ever on a full disk."""
+    stream = _stream(scene)
+    memory = stream.memory_recording()
+    stream.send_blueprint(scene.layout, make_active=False, make_default=True)
+    _fill(stream, scene)
+    content = memory.drain_as_bytes()
+    stream.disconnect()
+    return content
 
 
 def _fill(stream: rr.RecordingStream, scene: Scene) -> None:
