@@ -35,7 +35,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from plain_files.file_access import replacing
 from plain_files.streams import guarded
-from telemetry.file import RecordingError, tables
+from telemetry.file import RecordingError, explained, tables
 from telemetry.file.compare import compare as comparison_of
 from telemetry.file.compare import in_words as comparison_in_words
 from telemetry.file.partial_file import PARTIAL_SUFFIX
@@ -262,9 +262,10 @@ def page(files: tuple[Path, ...], /, *, output: Output = None) -> None:
     """
     from telemetry.page import recorded  # noqa: PLC0415 - as above
 
-    path = output or files[0].with_suffix(".html")
-    with replacing(path) as stream:
-        stream.write(recorded.write(*files).encode())
+    path, content = output or files[0].with_suffix(".html"), recorded.write(*files).encode()
+    cure = "make room, or choose another file with -o"
+    with explained(f"{path} cannot be written", cure), replacing(path) as stream:
+        stream.write(content)
     print(path)
 
 

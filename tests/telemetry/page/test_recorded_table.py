@@ -15,7 +15,7 @@ from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, PointState
 from telemetry.page import recorded
 from telemetry.scene import replay
 from tests.telemetry import synthetic_flight
-from tests.telemetry.odd_files import plain_file
+from tests.telemetry.odd_files import fill_disk, plain_file
 from tests.telemetry.synthetic_flight import CONTROL_PERIOD, NUM_POINTS
 
 
@@ -138,3 +138,14 @@ def test_a_replay_needs_what_is_told_to_be_there(short_file, tmp_path):
         )
     with pytest.raises(RecordingError, match="holds no messages on /fis/"):
         replay.scene([path])
+
+
+def test_a_page_without_room_is_a_sentence_and_no_file(ran, short_file, tmp_path, monkeypatch):
+    assert (
+        "nowhere/x.html cannot be written: No such file"
+        in ran("page", short_file, "-o", "nowhere/x.html", code=2).err
+    )
+    fill_disk(monkeypatch, 1000)
+    refusal = ran("page", short_file, "-o", tmp_path / "x.html", code=2).err
+    assert "x.html cannot be written: No space left on device; make room, or choose another" in refusal
+    assert list(tmp_path.iterdir()) == []
