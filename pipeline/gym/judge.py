@@ -267,6 +267,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--cases", type=int, default=NUM_CASES, help="the first so many starts")
     parser.add_argument("-o", "--output", type=Path, help="a JSON file of the results, for others to compare")
     options = parser.parse_args(arguments)
+    output: Path | None = options.output
+    if output and (output.is_dir() or not output.parent.is_dir()):
+        parser.error(f"{output} cannot be written; -o takes a file in a folder that there is")
     judged = []
     try:
         for task in options.task or ["paper"]:
@@ -276,8 +279,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ValueError as error:
         parser.error(str(error))
     sys.stdout.write(table(judged))
-    if options.output:
-        write_text(options.output, json.dumps(judged, indent=1) + "\n")
+    if output:
+        try:
+            write_text(output, json.dumps(judged, indent=1) + "\n")
+        except OSError as error:
+            parser.error(
+                f"{output} cannot be written: {error.strerror}; make room, or choose another with -o"
+            )
     return 0
 
 

@@ -161,6 +161,14 @@ def test_what_cannot_be_judged_is_refused(capsys) -> None:
     with pytest.raises(SystemExit, match="2"):
         judge.main(["no_such_controller", "--cases", "1"])
     assert "there is no controller no_such_controller" in capsys.readouterr().err
+    with pytest.raises(SystemExit, match="2"):
+        judge.main(["coast", "--cases", "1", "-o", "nowhere/judged.json"])
+    refusal = capsys.readouterr()
+    assert "nowhere/judged.json cannot be written; -o takes a file in a folder that there is" in refusal.err
+    assert "paper: coast" not in refusal.err  # before anything is flown
+    with pytest.raises(SystemExit, match="2"):
+        judge.main(["coast", "--cases", "1", "-o", "/dev/full"])
+    assert "/dev/full cannot be written: " in capsys.readouterr().err
     with pytest.raises(ControllerError, match=r"'fleet' is of 2 deputies; .* plans for one .*such as paper"):
         judge.judge("lqr", "fleet", num_cases=1)
     with pytest.raises(ValueError, match="'paper' is no task of fleets; those are fleet, "):
