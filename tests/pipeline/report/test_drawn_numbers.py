@@ -139,12 +139,17 @@ def test_what_acts_is_held_until_the_next_moment():
     edges = np.concatenate([turning.lines[0].get_xdata()[:-1], following.lines[0].get_xdata()])
     np.testing.assert_allclose(edges, np.arange(len(edges)) * MISSION.attitude_period_s)
     assert (edges[0], edges[-1]) == (0.0, pytest.approx(600.0))
-    # turning ends with the last torque of above a twentieth of the first maximum, and three tenths later
-    sizes = np.abs(log.torque_b_n_m.reshape(-1, 3)).max(axis=1)
-    tenth = sizes[: len(sizes) // 10]
-    last = np.flatnonzero(tenth > tenth.max() / 20.0)[-1]
-    cut = min(len(sizes), max(int(1.3 * last), round(60.0 / MISSION.attitude_period_s)))
-    assert len(turning.lines[0].get_xdata()) == cut + 1
+
+
+def test_turning_ends_a_while_after_the_last_large_torque_of_the_first_tenth():
+    log = cases.flown("duration_s=600.0")
+    for last, cut in ((55, 71), (20, 60)):  # 1.3 times as long, but at least a minute
+        torques = np.full((600, 3), 1e-6)
+        torques[: last + 1], torques[last + 1 : 60], torques[450:] = 1e-3, 0.5e-4, 5e-3
+        made_up = log._replace(torque_b_n_m=torques.reshape(log.torque_b_n_m.shape))
+        _, turning, following = controls(made_up, MISSION).axes
+        assert [len(ax.lines[0].get_xdata()) for ax in (turning, following)] == [cut + 1, 600 - cut + 1]
+        assert following.get_title(loc="left") == f"Torque, body axes, {cut} to 600 s"
 
 
 def values_of(rows):

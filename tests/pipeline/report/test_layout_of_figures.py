@@ -158,6 +158,7 @@ def test_every_kind_of_picture_is_looked_at():
 
 
 def test_words_are_in_the_picture_and_apart_from_each_other_and_from_other_panels(drawn):
+    assert drawn.get_figwidth() <= 9.6  # as a page is
     texts, (width, height) = words_of(drawn), drawn.bbox.size
     boxes = boxes_of(texts)
     for text, box in zip(texts, boxes, strict=True):
