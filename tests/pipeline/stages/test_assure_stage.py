@@ -10,12 +10,10 @@ from itertools import product
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from scipy.integrate import solve_ivp
 
 from fis_tools.analysis.domain import from_mapping
 from fis_tools.formats import serialize
 from pipeline.command_line.cli import main
-from pipeline.command_line.config import compose_experiment
 from pipeline.evaluation.assurance.conditions import changed_settings
 from pipeline.evaluation.assurance.judgements import judge
 from pipeline.evaluation.assurance.repeats import earlier_tries
@@ -289,54 +287,6 @@ def test_the_board_reads_verdicts_flights_and_what_is_not_covered(assured, evide
     assert all(each in words for each in hashes)
     assert "200 m R2" in words  # the limit that one page once lacked
     assert "15 m R1" in words
-
-
-def test_free_motion_after_the_end_is_where_an_integrator_leads():
-    mission = Mission()
-    rng = np.random.default_rng(3)
-    states = np.column_stack([rng.uniform(-150.0, 150.0, (20, 3)), rng.uniform(-0.3, 0.3, (20, 3))])
-    tracks = np.repeat(states[:, np.newaxis], mission.num_controls + 1, axis=1)
-    flights = flights_of_board(mission, tracks, 20)
-    n = mission.orbit.mean_motion_rad_s
-
-    def moves(_, state):
-        x, _, z, vx, vy, vz = state
-        return [vx, vy, vz, 3 * n * n * x + 2 * n * vy, -2 * n * vx, -n * n * z]
-
-    times = np.arange(0.0, 1801.0, 30.0)
-    expected = [
-        np.linalg.norm(
-            solve_ivp(moves, (0.0, 1800.0), state, t_eval=times, rtol=1e-11, atol=1e-9).y[:3], axis=0
-        )
-        for state in states
-    ]
-    np.testing.assert_allclose(flights.after_s, times)
-    np.testing.assert_allclose(flights.after_m, expected, rtol=1e-6)
-    for minutes in (5, 30):
-        share = 100 * np.mean([np.any(far[: 2 * minutes + 1] > 200.0) for far in expected])
-        assert flights.percent_beyond(200.0, minutes) == share
-
-
-@pytest.mark.parametrize("control_period_s", [7.0, 10.0, 40.0])
-@pytest.mark.parametrize("word", ["dynamics=cw", "dynamics=two_body"])
-def test_what_follows_the_end_has_its_times_whatever_the_period(control_period_s, word):
-    words = (word, f"control_period_s={control_period_s}", f"duration_s={20 * control_period_s}")
-    mission = compose_experiment(["+experiment=evaluate", "controller=coast", *words]).experiment.mission
-    state = np.array([40.0, -60.0, 25.0, 0.03, -0.05, 0.02])
-    flights = flights_of_board(mission, np.tile(state, (1, mission.num_controls + 1, 1)), 1)
-    assert np.diff(flights.after_s).max() <= max(30.0, control_period_s) + 2.0
-    # the closed form of a circular orbit, which no table has
-    n, s, c = (
-        (rate := mission.orbit.mean_motion_rad_s),
-        *(f(rate * flights.after_s) for f in (np.sin, np.cos)),
-    )
-    x, y, z, vx, vy, vz = state
-    expected = [
-        (4 - 3 * c) * x + s / n * vx + 2 / n * (1 - c) * vy,
-        6 * (s - n * flights.after_s) * x + y - 2 / n * (1 - c) * vx + (4 * s / n - 3 * flights.after_s) * vy,
-        c * z + s / n * vz,
-    ]
-    np.testing.assert_allclose(flights.after_m[0], np.linalg.norm(expected, axis=0), atol=0.05)
 
 
 def test_every_distance_that_a_requirement_names_is_a_line(evidence):
