@@ -16,7 +16,7 @@ from pipeline.evaluation.assurance.judgements import ORDER
 from pipeline.evaluation.assurance.requirements import SEVERITIES
 from pipeline.report import board
 from pipeline.report.board_flights import BoardFlights, Limit, draw_distances, flights_of_board, in_words
-from pipeline.report.evidence import contexts, document, factors, lead, proved_by, run_in_words
+from pipeline.report.evidence import contexts, document, draw_margins, factors, lead, proved_by, run_in_words
 from pipeline.settings.experiment import Mission
 from plain_files.document import Fold, Items, Paragraph, Table
 from tests.pipeline.report.test_drawings import read
@@ -275,6 +275,8 @@ def test_what_was_flown_and_what_is_uncertain_is_in_words():
     assert drawn.endswith("over 2,500 cases for start, Sun, errors of navigation and deputy.mass_kg")
     alone = {row[0]: row[2] for row in factors(evidence(conditions=sure))}["uncertainty characterization"]
     assert alone.endswith("over 2,500 cases for start")
+    flown = {row[0]: row[2] for row in factors(evidence(requirement(1, worst=WORST), requirement(2)))}
+    assert flown["verification"].startswith("1 worst flights were flown again")
     searched = requirement(1, search={"num_flights": 4000}, bounds=[{"num_boxes": 30}, {"num_boxes": 1200}])
     robust = {
         row[0]: row[2] for row in factors(evidence(searched, requirement(2, search={"num_flights": 1})))
@@ -440,6 +442,7 @@ def test_rules_are_printed_unless_they_are_too_many():
     for count, is_printed in ((15, True), (16, False)):  # 60 and 64 rules
         page, words = board_of(requirement(1), systems=[system] * count)
         assert (page.count('<div class="grid">') == count) == is_printed
+        assert ("rules do not fit on a sheet" in words) == (not is_printed)
         assert f"The {4 * count} rules, their numbers and what they sense" in words
     assert "The controller has no rules." in board_of(requirement(1))[1]
 
@@ -505,3 +508,18 @@ def test_of_fleets_each_deputy_has_a_flight():
     np.testing.assert_allclose(motion.distance_m[:, 0], [40.0, 50.0, 60.0, 70.0, 80.0, 90.0])
     docking = compose_experiment(["+experiment=fly", "problem=docking"]).experiment.mission
     assert flights_of_board(docking, tracks[:, 0], 3).after_m.size == 0
+
+
+def test_a_histogram_marks_its_zero_where_margins_lie_on_both_sides():
+    for low, marks in ((-2.0, ["−2", "3", "0"]), (0.5, ["0.5", "3"]), (-0.1, ["3", "0"])):
+        elements, _, _ = read(draw_margins({"edges": [low, 1.0, 3.0], "counts": [4, 5]}, "", "R1"))
+        of_axis = [each for each in elements if each.get("class") in ("start", "middle", "end")]
+        of_axis = [each for each in of_axis if not each.text.startswith("margin")]
+        assert [each.text for each in of_axis] == marks
+        ends = {each.text: float(each.get("x")) for each in of_axis}
+        bars = [each for each in elements if each.tag == "rect"]
+        first, second = (float(bar.get("x")) for bar in bars)
+        length = (second - first) / (1.0 - low)
+        assert ends["3"] == pytest.approx(first + length * (3.0 - low), abs=0.2)
+        # a unit is left between bars
+        assert float(bars[0].get("width")) == pytest.approx(second - first - 1.0, abs=0.11)
