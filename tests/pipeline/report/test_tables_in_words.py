@@ -336,18 +336,18 @@ def test_samples_of_distributions_are_the_flights_and_of_fleets_their_deputies()
     }
     summary = {name: mean(7.0) for name in pictures.METRICS}
     fleets = FlightSet(episodes, None, summary, deputies)
-    alone = FlightSet(training_of(30).episodes, None, summary)
+    flights = FlightSet(training_of(30).episodes, None, summary)
     reported = SimpleNamespace(means={"delta_v_m_s": 5.0})
-    contents = SimpleNamespace(sets=[("One", alone, reported), ("Fleet", fleets, reported)])
-    one, fleet, each = pictures._samples(contents, 99)
-    assert [sample.label for sample in (one, fleet, each)] == [
+    contents = SimpleNamespace(sets=[("One", flights, reported), ("Fleet", fleets, reported)])
+    alone, fleet, each = pictures._samples(contents, 99)
+    assert [sample.label for sample in (alone, fleet, each)] == [
         "One, 30 flights",
         "Fleet, 30 flights",
         "Fleet, their 60 deputies",
     ]
-    np.testing.assert_array_equal(one.values["delta_v_m_s"], np.full(30, 0.5))
-    assert (one.paper_means, fleet.paper_means) == ({"delta_v_m_s": 5.0}, {})
-    assert one.means["delta_v_m_s"] == 7.0
+    np.testing.assert_array_equal(alone.values["delta_v_m_s"], np.full(30, 0.5))
+    assert (alone.paper_means, fleet.paper_means) == ({"delta_v_m_s": 5.0}, {})
+    assert alone.means["delta_v_m_s"] == 7.0
     np.testing.assert_allclose(each.values["inspection_rate_percent"], 100.0 * np.arange(60) / 99.0)
 
 
