@@ -123,7 +123,7 @@ def draw_distances(flights: BoardFlights, limits: Sequence[Limit]) -> Markup:
     end = float(flights.time_s[-1])
     last = end + (float(flights.after_s[-1]) if flights.after_m.size else 0.0)
     farthest = max(float(flights.distance_m.max()), *(limit.value_m for limit in limits), 1.0)
-    top = 1.12 * farthest if not flights.after_m.size else max(1.12, 1.6) * farthest
+    top = (1.6 if flights.after_m.size else 1.12) * farthest
 
     def x(time_s: float) -> float:
         return LEFT + (WIDTH - LEFT - RIGHT) * time_s / last
