@@ -146,9 +146,11 @@ def test_what_a_recording_lacks_is_said(pushed, tmp_path):
     assert "points of the chief, forces, where the Sun is" in recorded._about(bare, flight, tmp_path)
     assert samples["texts"] == [recorded.UNKNOWN]
     assert samples["reasons"] == [[0, 0, 0]] * 5
-    one = replace(pushed[topics.DEPUTY_STATE], time_s=np.zeros(1), columns={"position_m": np.zeros((1, 3))})
+    single = replace(
+        pushed[topics.DEPUTY_STATE], time_s=np.zeros(1), columns={"position_m": np.zeros((1, 3))}
+    )
     with pytest.raises(RecordingError, match="no two messages on /deputy/state"):
-        recorded.table_of(replace(pushed, topics={topics.DEPUTY_STATE: one}))
+        recorded.table_of(replace(pushed, topics={topics.DEPUTY_STATE: single}))
 
 
 def recording_of(deputy, scenario="s", seed=1):

@@ -10,7 +10,7 @@ from rerun.chunk import RrdReader
 import telemetry
 from telemetry.file import topics
 from telemetry.file.recording import TopicColumns
-from telemetry.scene import curves, drawing, replay
+from telemetry.scene import campaign, curves, drawing, replay, runs
 from tests.telemetry import synthetic_flight
 from tests.telemetry.scene.rrd_content import saved
 
@@ -301,3 +301,56 @@ def test_the_summary_of_a_flight_has_its_numbers(flight, recording):
     assert rows["distance"] == "75.0 to 75.0 m"
     assert rows["duration"] == "3600 s"
     assert rows["scenario"] == "circle-0"
+
+
+def evaluation_of(surroundings, *, are_known=True):
+    """Three cases of four samples on lines along the first axis."""
+    distances = np.array([[50.0, 40.0, 30.0, 20.0], [60.0, 70.0, 80.0, 90.0], [55.0, 55.0, 55.0, 56.0]])
+    positions = np.zeros((3, 4, 3), dtype=np.float32)
+    positions[:, :, 0] = distances
+    episodes = {"delta_v_m_s": np.array([0.2, 0.5, 0.3]), "inspected_count": np.array([99, 98, 40])}
+    episodes |= {"inspection_rate_percent": np.array([100.0, 99.0, 40.4])}
+    episodes |= {"success": np.array([True, True, False]), "violated": np.array([False, True, False])}
+    return runs.EvaluatedCases(
+        "run", np.array([4, 5, 9]), positions, episodes if are_known else {}, surroundings
+    )
+
+
+def test_extremes_are_labelled_where_they_are():
+    around = runs.Surroundings(10.0, 15.0, 85.0, 95.0, 10.0)
+    shown = campaign.extremes(evaluation_of(around))
+    assert [(each.what, each.row, each.sample, each.label.partition(": ")[2]) for each in shown] == [
+        ("nearest", 0, 3, "case 4, 20.0 m"),
+        ("farthest", 1, 3, "case 5, 90.0 m"),
+        ("most delta-v", 1, 3, "case 5, 0.500 m/s"),
+        ("least inspected", 2, 3, "case 9, 40 points"),
+    ]
+    assert len(campaign.extremes(evaluation_of(replace(around, threshold_percent=None)))) == 3
+    assert len(campaign.extremes(evaluation_of(around, are_known=False))) == 2
+
+
+def test_outcomes_of_cases_are_counted_and_spread():
+    around = runs.Surroundings(10.0, 15.0, 85.0, 95.0, 10.0)
+    lines = campaign.in_words(evaluation_of(around)).splitlines()
+    rows = dict(line.strip("| ").split(" | ") for line in lines if line.startswith("| "))
+    assert rows["cases"] == "3"
+    assert rows["green: success, 95 % inspected"] == "1 (33.3 %)"
+    assert rows["orange: short of 95 %"] == "1 (33.3 %)"
+    assert rows["red: outside 15 to 85 m"] == "1 (33.3 %)"
+    spent = np.std([0.2, 0.5, 0.3], ddof=1)
+    assert rows["delta-v"] == f"0.333 ± {spent:.3f} m/s, 0.200 to 0.500"
+    assert rows["inspected"].startswith("79.8 ± ")
+    assert rows["nearest"] == "case 4, 20.0 m"
+
+
+def test_the_spread_of_distances_is_over_cases_at_each_time():
+    plot = campaign.distance_plot(evaluation_of(runs.Surroundings(10.0, 15.0, 120.0)))
+    spread, nearest, farthest = plot.curves
+    np.testing.assert_allclose(spread.instants, [0.0, 10.0, 20.0, 30.0])
+    expected = [[60.0, 55.0, 50.0], [70.0, 55.0, 40.0], [80.0, 55.0, 30.0], [90.0, 56.0, 20.0]]
+    np.testing.assert_allclose(spread.values, expected)
+    assert [each.values.tolist() for each in (nearest, farthest)] == [[[15.0]] * 2, [[120.0]] * 2]
+    assert nearest.instants.tolist() == [0.0, 30.0]
+    assert plot.ends == pytest.approx((0.0, 126.0))
+    # without a period times are numbers of samples
+    np.testing.assert_allclose(evaluation_of(runs.Surroundings()).time_s, np.arange(4.0))
