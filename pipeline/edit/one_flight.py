@@ -14,6 +14,7 @@ from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import REASONS
 from fis_tools.words.text import number, sentence
 from pipeline.edit.cases import EditorCases
+from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.state.signals import AXES
 from pipeline.recording.foresight import decision_at
@@ -83,7 +84,8 @@ class OneFlight(Panel):
                 f"{seen} of {lit} points" if self._inspects else "at the goal" if seen else "not at the goal"
             )
             end = f"{after.delta_v_m_s[-1]:.3f} m/s, {points}"
-            scene = flight_table(after, self._cases.mission), before.position_m.round(3).tolist()
+            mission = mission_of_case(self._cases.mission, self._cases.scenarios[case])
+            scene = flight_table(after, mission), before.position_m.round(3).tolist()
             yield partial(self._show_flight, (case, controller), end, scene, _forces(after, self._period_s))
         sample = min(sample, len(after.force_hill_n) - 1)
         words = "".join(html.element("p", item) for item in self._reasons(controller, after, sample))

@@ -4,6 +4,7 @@ import json
 import shutil
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,10 +19,12 @@ from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load
 from pipeline.edit.cases import FIRST, EditorCases, most_changed
+from pipeline.edit.one_flight import OneFlight
 from pipeline.evaluation.assurance.requirements import parse_requirements, requirements_text
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.evaluation.paired_runs import METRICS
 from pipeline.evaluation.statistics import succeeds
+from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.settings.experiment import Mission
 from tests import night
 from tests.browser import serious_violations
@@ -64,6 +67,17 @@ def test_many_flights_of_a_controller_with_foresight_are_those_of_its_rules(case
     flown, alone = (list(cases.fly(each))[-1].episodes for each in (planning, CHAMPION))
     np.testing.assert_array_equal(flown["delta_v_m_s"], alone["delta_v_m_s"])
     assert not flown["ahead_delta_v_m_s"].any()
+
+
+def test_a_flight_is_shown_within_the_limits_that_its_case_has_drawn() -> None:
+    drawn = "+dispersions.deputy.max_distance_m={kind:uniform,low:150.0,high:190.0}"
+    flown = cases_of("monte_carlo.num_cases=2", "duration_s=600", drawn)
+    shown = next(OneFlight(flown, CHAMPION).answers(CHAMPION))
+    assert isinstance(shown, partial)
+    table, _ = shown.args[2]
+    limits = mission_of_case(flown.mission, flown.scenarios[0]).deputy
+    assert table["limits"] == [limits.min_distance_m, limits.max_distance_m]
+    assert limits.max_distance_m < flown.mission.deputy.max_distance_m
 
 
 @pytest.fixture(scope="module")
