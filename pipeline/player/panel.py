@@ -10,7 +10,7 @@ from pipeline.flight.world.chief import chief_attitudes
 from pipeline.flight.world.pack import inspection_points
 from pipeline.player.arguments import LIT
 from pipeline.player.flown import PACKAGE, as_text, module, tells_reasons
-from pipeline.player.motion import free_motion
+from pipeline.player.motion import motion_data
 from pipeline.player.runs import Carried, PlayedCases, PlayedPage, PlayedRun
 from plain_files.document.html import ScriptedPanel, read
 from telemetry.page import panel as recorded
@@ -83,8 +83,6 @@ def _flight(run: PlayedRun, *, is_plain: bool) -> dict[str, Any]:
     mission, controller = run.mission, run.controller
     inspects = mission.problem.kind == "inspection"
     points = inspection_points(mission) if inspects else np.zeros((0, 3))
-    is_linear = mission.dynamics.model == "cw"
-    mean_motion = mission.orbit.mean_motion_rad_s
     attributes = dict(getattr(controller.fuzzy, "attributes", ()))
     period = attributes.get("decision_period_s")
     stride = max(1, round(float(period) / mission.control_period_s)) if period else 1
@@ -93,7 +91,7 @@ def _flight(run: PlayedRun, *, is_plain: bool) -> dict[str, Any]:
     return {
         "numSamples": mission.num_controls + 1,
         "periodS": mission.control_period_s,
-        "meanMotion": mean_motion,
+        **motion_data(mission),
         "radius": float(np.linalg.norm(points, axis=1).max()) if inspects else mission.problem.goal_radius_m,
         "isSphere": mission.chief.shape == "sphere",
         "limits": [deputy.min_distance_m, deputy.max_distance_m] if inspects else [],
@@ -101,7 +99,6 @@ def _flight(run: PlayedRun, *, is_plain: bool) -> dict[str, Any]:
         "numCounted": len(points),
         "points": as_text(points, "<f4"),
         "attitude": as_text(chief_attitudes(mission), "<f4") if turns else "",
-        "freeMotion": as_text(free_motion(mean_motion), "<f4") if is_linear else "",
         "maxForce": deputy.max_force_n,
         "coastsWhenComplete": mission.coast_when_complete,
         "stride": stride,

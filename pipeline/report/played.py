@@ -21,6 +21,7 @@ from pipeline.flight.goals.flights import fly_all, fly_logged
 from pipeline.flight.goals.reach import ReachOutcomes
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.player.flown import flown_in_page, tells_reasons
+from pipeline.player.motion import motion_data
 from pipeline.player.panel import panel
 from pipeline.player.runs import Carried, CaseColumn, CasePlot, PlayedCases, PlayedPage, PlayedRun
 from pipeline.recording.reflight import start_of
@@ -332,4 +333,7 @@ def _logged(run: PlayedRun, row: int) -> FlightLog:
 
 
 def _recorded(run: PlayedRun, row: int) -> dict[str, Any]:
-    return recorded_table(_logged(run, row), run.controller, mission_of_case(run.mission, run.starts[row]))
+    """Return a row's flight as it was logged, with free motion of its own where it has drawn an orbit."""
+    mission = mission_of_case(run.mission, run.starts[row])
+    moving = {} if mission.orbit == run.mission.orbit else motion_data(mission)
+    return recorded_table(_logged(run, row), run.controller, mission) | moving

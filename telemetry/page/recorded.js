@@ -56,7 +56,7 @@ export function recordedFlight(table) {
   const coast = k => coasted(arrays.coast, [...three(arrays.position, k), ...three(arrays.velocity, k)]);
   const reasons = k => (k > last ? endedBefore(coast(k)) : reasonsOf(table, k, force(k)));
   return {
-    numSamples, periodS: table.periodS, radius: table.radius, limits: table.limits, isSphere: table.isSphere, points: held,
+    ...table, numSamples, points: held,
     ...onChief(held, arrays.attitude),
     position: k => three(arrays.position, k),
     force: k => (k <= last ? force(k) : [0, 0, 0]),

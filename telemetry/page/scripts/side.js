@@ -80,7 +80,8 @@ class Side {
     if (recorded) {
       const { attitude, ...shared } = this.run.flight; // a recording has the chief's own
       const seenBy = recorded.seenBy && [...recorded.seenBy].map(deputy => this.fleet.letters[deputy - 1] ?? "none");
-      return { ...recordedFlight({ ...shared, ...recorded, coast: shared.freeMotion }), seenBy, of: this.shared.of };
+      const table = { ...shared, ...recorded }; // which may have free motion of its own
+      return { ...recordedFlight({ ...table, coast: table.freeMotion }), seenBy, of: this.shared.of };
     }
     const flight = flownFlight(this.shared, await this.ask(this.caseOf(row)), this.run.reasons[row], this.ends?.[row]);
     if (this.run.flight.isPlain) flight.isLit = litBy(flight);
@@ -160,7 +161,7 @@ class Side {
   freeDistances(end) {
     const path = this.flight.coast(end);
     if (!path) return [];
-    const step = 2 * Math.PI / this.run.flight.meanMotion / (path.length - 1);
+    const step = 2 * Math.PI / this.flight.meanMotion / (path.length - 1);
     return Array.from({ length: Math.floor(AFTER_S / this.flight.periodS) + 1 }, (_, i) => {
       const at = i * this.flight.periodS / step, before = Math.floor(at), share = at - before, next = path[Math.min(before + 1, path.length - 1)];
       return Math.hypot(...path[before].map((value, axis) => value + share * (next[axis] - value)));

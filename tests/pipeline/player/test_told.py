@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from fis_tools.model.thrust import REASONS
+from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.world.pack import pack_world
 from pipeline.physics.quaternion import dcms_b_from_h
 from pipeline.player.flown import tells_reasons
 from pipeline.recording.points import lit_and_seen
 from pipeline.report.scene import recorded_table
+from tests.pipeline.evaluation.propagated import linear
 from tests.pipeline.player.pages import ELEVATED, FLOWN, TURNING, run_of, shows
 from tests.pipeline.player.statements import assert_told
 
@@ -110,3 +112,25 @@ def test_reasons_that_are_not_told_by_what_is_flown_are_the_products(ready):
     axis = int(np.argmax(np.abs(logs[3].force_hill_n[k])))
     details = page.evaluate("k => player.sides[0].flight.reasons(k).map(({ detail }) => detail)", k)
     assert table["texts"][table["reasons"][k][axis]] in details
+
+
+#: orbits of cases, of one and three quarters to seven hours
+ORBITS = "+dispersions.orbit.mean_motion_rad_s={kind:uniform,low:0.00025,high:0.001}"
+#: what a page follows after the end: distances at samples, and where the dashed path of the scene has come to
+FOLLOWED = """k => {
+    const [side] = player.sides;
+    return { distances: side.freeDistances(k), path: side.flight.coast(k).map(each => Math.hypot(...each)) };
+}"""
+
+
+def test_what_follows_a_flight_is_in_the_orbit_that_its_case_has_drawn(ready):
+    mission, _, starts, logs = run_of("champion_27", ORBITS)
+    log, rate = logs[3], mission_of_case(mission, starts[3]).orbit.mean_motion_rad_s
+    assert rate < 0.9 * mission.orbit.mean_motion_rad_s
+    shown = ready("champion_27", ORBITS).evaluate(FOLLOWED, mission.num_controls)
+    state = np.concatenate([log.position_m[-1], log.velocity_m_s[-1]])
+    times = mission.control_period_s * np.arange(len(shown["distances"]))
+    # a plot has straight lines between the samples of an orbit
+    np.testing.assert_allclose(shown["distances"], linear(rate, state, times), atol=0.5)
+    times = np.linspace(0.0, 2.0 * np.pi / rate, len(shown["path"]))
+    np.testing.assert_allclose(shown["path"], linear(rate, state, times), rtol=1e-4, atol=1e-2)
