@@ -12,11 +12,12 @@ from pipeline.evaluation.after import Aftermath
 from pipeline.evaluation.beside_optimum import times_in_words
 from pipeline.evaluation.monte_carlo import SUCCESS, summarise
 from pipeline.evaluation.paired import shown
+from pipeline.evaluation.papers import is_papers_test
 from pipeline.evaluation.statistics import Fraction, Statistic
 from pipeline.flight.state.log import points_needed
 from pipeline.flight.world.pack import inspection_points
 from pipeline.optimum.solved import Solved
-from pipeline.settings.experiment import Experiment, Mission
+from pipeline.settings.experiment import Experiment
 from plain_files.document import Block, Document, Heading, Paragraph, Table, text
 
 Column = NDArray[Any]
@@ -304,13 +305,10 @@ def describe_columns(experiment: Experiment) -> list[str]:
     )
     if (fleet := experiment.mission.fleet).deputies > 1:
         return [f"{judged} {OF_FLEETS.format(fleet.deputies)}"]
-    papers = Mission().deputy  # the defaults are the paper's
-    limits = (papers.min_distance_m, papers.max_distance_m)
-    is_same = limits == (deputy.min_distance_m, deputy.max_distance_m)
-    between = "the same distance limits" if is_same else "distance limits of {:g} and {:g} m".format(*limits)
+    published = f"*published ({PAPER_NAME}), with the same distance limits; its Sun is not stated. "
     return [
         judged,
-        f"*published ({PAPER_NAME}), with {between}; its Sun is not stated. The best plans "
+        f"{published if is_papers_test(experiment) else ''}The best plans "
         "found know the whole flight beforehand, and are of other cases; the bound is what every plan burns "
         f"at least. Both ratios are means over these cases with {cases.confidence_percent:g} % bootstrap "
         "intervals.",

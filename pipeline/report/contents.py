@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.blocks import blocks_of, number_of, values_at
-from pipeline.evaluation.comparison import PAPER_TEST, PAPER_TRAINING, ComparisonRow, Reported
+from pipeline.evaluation.comparison import PAPER_TEST, PAPER_TRAINING, PUBLISHED, ComparisonRow, Reported
 from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, fly_fleets, summarise
+from pipeline.evaluation.papers import is_papers_test, is_papers_training
 from pipeline.evaluation.ranks import from_worst_to_best
 from pipeline.evaluation.statistics import Columns, Fraction, Statistic
 from pipeline.flight.control.controller import Controller
@@ -152,10 +153,17 @@ class Contents:
     recordings: Mapping[str, int]
 
     @property
-    def sets(self) -> list[tuple[str, FlightSet, Reported]]:
-        """The flights of training and evaluation that exist, each with the paper's results."""
-        both = (("Training", self.training, PAPER_TRAINING), ("Evaluation", self.evaluation, PAPER_TEST))
+    def sets(self) -> list[tuple[str, FlightSet, Reported | None]]:
+        """The flights of training and evaluation that exist, each with the paper's results if comparable."""
+        trained = PAPER_TRAINING if is_papers_training(self.experiment) else None
+        tested = PAPER_TEST if is_papers_test(self.experiment) else None
+        both = (("Training", self.training, trained), ("Evaluation", self.evaluation, tested))
         return [(word, flights, reported) for word, flights, reported in both if flights is not None]
+
+    @property
+    def is_beside_paper(self) -> bool:
+        """Whether results of the paper stand beside some of the flights."""
+        return any(reported is not None for _, _, reported in self.sets)
 
     @property
     def is_comparison(self) -> bool:
@@ -200,7 +208,11 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
         training_round=training_round,
         evaluation=evaluation,
         spread=comparisons.spread_of(folder, summary),
-        comparison=comparisons.read_comparison(folder),
+        comparison=[
+            row
+            for row in comparisons.read_comparison(folder)
+            if row.source != PUBLISHED or is_papers_test(experiment)  # earlier versions had it in any mission
+        ],
         compared=read_compared(folder),
         beside=beside,
         pairs=comparisons.fly_pairs(experiment, controller, beside) if controller else (),

@@ -84,6 +84,7 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration], player:
         cases=case_rows(contents.training),
         compared=comparison,
         comparison=comparisons.tables_of(rows),
+        published=any(row.source == comparison.PUBLISHED for row in rows),
         worlds=comparison.matrices(rows) if comparison.worlds_of(rows) else [],
         optimum_cases=comparisons.optimum_rows(contents.beside),
         front=front_rows(contents.front),

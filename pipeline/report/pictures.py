@@ -81,7 +81,8 @@ def _drawn(contents: Contents) -> Iterator[Drawn]:
         figure = _two({"controller": pair.controller, "plan of least fuel": pair.plan}, mission)
         yield _captioned(f"optimum-case-{pair.case}", figure, "optimum_case", **vars(pair))
     if samples := list(_samples(contents, num_points)):
-        caption = "distributions_of_fleets" if mission.has_fleet else "distributions"
+        alone = "distributions_beside_paper" if contents.is_beside_paper else "distributions"
+        caption = "distributions_of_fleets" if mission.has_fleet else alone
         yield _captioned("distributions", distributions(samples, num_points), caption)
     if contents.logbook is not None:
         yield _captioned("convergence", convergence(contents.logbook, num_points, needed), "convergence")
@@ -193,10 +194,9 @@ def _samples(contents: Contents, num_points: int) -> Iterator[Sample]:
             values = {name: np.concatenate(of) for name, of in drawn.items()}
             share = f", one in {every:,} drawn" if every > 1 else ""
             means = {name: float(flights.summary[name]["mean"]) for name in METRICS}
-            is_of_fleets = flights.is_of_fleets  # which a paper of one deputy is not
-            paper_means = {} if is_of_fleets else reported.means
+            paper_means = reported.means if reported else {}
             yield Sample(f"{word}, {count:,} flights{share}", values, paper_means, means)
-            if is_of_fleets and flights.deputies is not None:
+            if flights.is_of_fleets and flights.deputies is not None:
                 yield _deputies(word, flights.deputies, num_points)
 
 

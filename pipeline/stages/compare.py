@@ -15,6 +15,7 @@ from pipeline.evaluation.after import Aftermath, joined
 from pipeline.evaluation.beside_optimum import beside_optimum, summarise_times
 from pipeline.evaluation.contenders import guarded, labelled, under
 from pipeline.evaluation.monte_carlo import episode_columns, fly_cases, fly_followed, summarise
+from pipeline.evaluation.papers import is_papers_test
 from pipeline.flight.control.controller import Controller, Planner, PlanningController
 from pipeline.flight.state.log import Outcomes, Scenario, combined
 from pipeline.optimum.solved import IncomparableError, Solved, solved_for
@@ -32,11 +33,10 @@ PART = 100
 
 def run(experiment: Experiment, folder: Path) -> None:
     """Fly all controllers, and write the table."""
-    is_inspection = experiment.mission.problem.kind == "inspection"
-    is_papers = is_inspection and not experiment.mission.has_fleet  # of one deputy
+    lots = [lot for world in experiment.compare.worlds or [""] for lot in _lots(experiment, world)]
+    is_papers = any(is_papers_test(lot.experiment) for lot in lots)
     rows = [comparison.published_row(comparison.PAPER_TEST)] if is_papers else []
     flown: list[Row] = []
-    lots = [lot for world in experiment.compare.worlds or [""] for lot in _lots(experiment, world)]
     for lot, of_lot in zip(lots, _fly(lots, experiment), strict=True):
         flown += of_lot
         rows += [row for row, _ in of_lot]
