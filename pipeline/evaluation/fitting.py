@@ -15,6 +15,7 @@ import numpy as np
 from fis_tools.model import FuzzyController
 from pipeline.controllers import source
 from pipeline.evaluation.statistics import Fraction, by_rules, fraction, normal_quantile, percent_ahead
+from pipeline.flight.cases.dispersions import thresholds_of
 from pipeline.flight.control.controller import ControllerError, from_fuzzy
 from pipeline.flight.control.law import law_of
 from pipeline.flight.goals.flights import fly_all
@@ -139,7 +140,7 @@ def tally_of(
     """
     outcomes = fly_all(mission, from_fuzzy(controller), scenarios, workers)
     is_out = outcomes.is_violated
-    is_seen = outcomes.is_success(mission.inspection_threshold_percent)
+    is_seen = outcomes.is_success(thresholds_of(mission, scenarios))
     shares = inspectable_rate(outcomes.inspected_count, outcomes.inspectable_count) / 100.0
     ends = (is_seen & ~is_out, is_out, ~is_seen & ~is_out)
     success, exits, misses = (fraction(end, confidence_percent) for end in ends)

@@ -14,7 +14,7 @@ from pipeline.constants import STANDARD_GRAVITY_M_S2
 from pipeline.evaluation import blocks
 from pipeline.evaluation.after import Aftermath, aftermath, coasting_pairs, joined
 from pipeline.evaluation.statistics import Column, Columns, statistic, succeeds
-from pipeline.flight.cases.dispersions import OF_MOTION, drawn, groups_of
+from pipeline.flight.cases.dispersions import OF_MOTION, drawn, groups_of, thresholds_of
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.fleets import NO_MESSAGES, OF_DEPUTIES, FleetOutcomes
 from pipeline.flight.fly.fleets_ahead import fly_all_fleets
@@ -178,8 +178,6 @@ def episode_columns(
     if isinstance(outcomes, ReachOutcomes):
         counts, num_points = outcomes.is_success(100.0).astype(np.int64), 1
     settings = [dict(drawn(mission, scenario)) for scenario in scenarios]
-    nominal = mission.inspection_threshold_percent
-    thresholds = np.array([of.get("inspection_threshold_percent", nominal) for of in settings])
     return {
         "case": np.arange(len(scenarios)),
         **({} if mission.has_fleet else columns_of(scenarios)),  # those of fleets are of their deputies
@@ -190,7 +188,7 @@ def episode_columns(
         "mean_distance_m": outcomes.mean_distance_m,
         "min_distance_m": outcomes.min_distance_m,
         "max_distance_m": outcomes.max_distance_m,
-        "success": outcomes.is_success(thresholds),
+        "success": outcomes.is_success(thresholds_of(mission, scenarios)),
         "violated": outcomes.is_violated,
         "safety_periods": outcomes.safety_periods,
         "safety_delta_v_m_s": outcomes.safety_delta_v_m_s,

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.array_types import Floats
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.checks import SettingError
 from pipeline.settings.dispersions import distributions, in_time_alone
@@ -57,6 +58,14 @@ def mission_of_case(mission: Mission, scenario: Scenario) -> Mission:
         If a drawn value is not allowed.
     """
     return mission_with(mission, drawn(mission, scenario))
+
+
+def thresholds_of(mission: Mission, scenarios: Sequence[Scenario]) -> Floats:
+    """Return which rate of its inspectable points each case must reach, as set or drawn, (n,), %."""
+    key = "inspection_threshold_percent"
+    if key not in (each.key for each in distributions(mission.dispersions)):
+        return np.full(len(scenarios), mission.inspection_threshold_percent)
+    return np.array([dict(drawn(mission, scenario))[key] for scenario in scenarios])
 
 
 def groups_of(

@@ -10,6 +10,7 @@ import pytest
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load
 from pipeline.evaluation.assurance.quantities import facts_of_flown, of_tracks
+from pipeline.evaluation.fitting import tally_of
 from pipeline.evaluation.monte_carlo import episode_columns, fly_followed, fly_tracked
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.checks import SettingError
@@ -68,3 +69,13 @@ def test_what_is_drawn_alike_counts_as_what_is_set(words):
         assert columns.keys() == expected.keys() | {key}
         for name, values in expected.items():
             np.testing.assert_allclose(columns[name], values, 1e-4, 1e-5, err_msg=f"{key}: {name}")
+
+
+def test_a_fit_counts_what_reaches_the_threshold_that_is_drawn():
+    tallies = []
+    for experiment in pair(MISSIONS[0], "inspection_threshold_percent", 50.0):
+        fuzzy = load(experiment.controller, experiment.mission).fuzzy
+        tallies.append(tally_of(experiment.mission, fuzzy, evaluation_scenarios(experiment), 95.0, 1))
+    given, drawn = tallies
+    assert drawn == given
+    assert given.success.count > 0
