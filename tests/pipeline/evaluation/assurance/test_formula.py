@@ -297,6 +297,20 @@ def test_a_missions_own_limits_are_those_that_what_ships_judges():
     assert shipped[5].questions[:2] == (Question("force_x > 0.25"), Question("force_x < -0.25"))
 
 
+@pytest.mark.parametrize("period_s", [4.0, 10.0, 25.0])
+@pytest.mark.parametrize(("name", "index"), [("inspection", 7), ("inspection_fleet", 5)])
+def test_passive_safety_is_judged_from_the_first_sample_that_follows_a_decision(name, index, period_s):
+    fleet = replace(Mission().fleet, deputies=2 if name == "inspection_fleet" else 1)
+    mission = replace(Mission(), control_period_s=period_s, duration_s=100.0, fleet=fleet)
+    formula = requirements.load_requirements(name, mission)[index].formula
+    assert formula is not None
+    # a sample of each flight is below all limits
+    distances = np.where(np.eye(3, mission.num_controls + 1) > 0.0, 1.0, 50.0)
+    (quantity,) = stl.quantities_of(formula)
+    margins = robustness.robustness(formula, {quantity: distances}, period_s)
+    assert (margins >= 0.0).tolist() == [True, False, False]
+
+
 @pytest.mark.parametrize("key", ["deputy.min_distance", "deputy", "coast_when_complete"])
 def test_braces_hold_the_key_of_a_number(tmp_path, key):
     path = tmp_path / "mine.yaml"
