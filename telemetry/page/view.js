@@ -8,7 +8,7 @@ export const plus = (a, b) => a.map((x, i) => x + b[i]);
 export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const unit = a => scaled(a, 1 / (norm(a) || 1));
 const COLOURS = ["ink", "muted", "grid", "paper", "seen", "lit", "dark", "push", "body", "shade"];
-const EYE_M = 700, NEAREST = 0.9; // how far the eye is from the chief, and of that how near to it a path is drawn
+const EYE_M = 700, NEAREST = 0.9; // how far the eye is from the chief at least, and of that how near to it a path is drawn
 const SPEED = 18; // samples a second
 
 /**
@@ -178,7 +178,7 @@ export class FlightView {
   }
 
   on(point) {
-    const depth = dot(point, this.basis.eye), nearer = EYE_M / (EYE_M - depth);
+    const depth = dot(point, this.basis.eye), nearer = this.eyeM / (this.eyeM - depth);
     return [this.middle[0] + this.scale * nearer * dot(point, this.basis.right),
       this.middle[1] - this.scale * nearer * dot(point, this.basis.up), depth];
   }
@@ -186,7 +186,7 @@ export class FlightView {
   /** Whether nothing between two points is in the picture: free motion leads kilometres away, where dashes take long, and behind the eye. */
   isOutside(a, b) {
     const [width, height] = this.size;
-    return Math.max(a[2], b[2]) > NEAREST * EYE_M || Math.max(a[0], b[0]) < 0 || Math.min(a[0], b[0]) > width || Math.max(a[1], b[1]) < 0 || Math.min(a[1], b[1]) > height;
+    return Math.max(a[2], b[2]) > NEAREST * this.eyeM || Math.max(a[0], b[0]) < 0 || Math.min(a[0], b[0]) > width || Math.max(a[1], b[1]) < 0 || Math.min(a[1], b[1]) > height;
   }
 
   line(points, colour, width, dash = []) {
@@ -241,6 +241,7 @@ export class FlightView {
     pen.clearRect(0, 0, width, height);
     this.size = [width, height];
     this.basis = this.look();
+    this.eyeM = Math.max(EYE_M, 2.6 * this.reach());
     const isNarrow = width < 560;
     // the close-up of the chief takes a corner
     this.middle = isNarrow ? [width / 2, height * 0.36] : [width * 0.4, height * 0.5];
@@ -253,7 +254,7 @@ export class FlightView {
     flight.limits.forEach(limit => {
       this.ring(centre, this.scale * limit, colour.muted, [2, 4]);
       const reach = 0.71 * this.scale * limit;
-      if (reach > 60) this.word(`${limit} m`, centre[0] + reach, centre[1] + reach, colour.muted);
+      if (reach > 60 && centre[0] + reach < width) this.word(`${limit} m`, centre[0] + reach, centre[1] + reach, colour.muted);
     });
     const path = Array.from({ length: flight.numSamples }, (_, sample) => flight.position(sample));
     this.line(path, colour.grid, 2);
@@ -302,12 +303,13 @@ export class FlightView {
     this.word(letter, x, y + 4, colour.muted, "600 ");
   }
 
-  /** Return the distance that the picture must hold, m. */
+  /** Return the distance that the picture must hold, m: not much beyond the outer limit, and some radii. */
   reach() {
     if (!this.farthest) {
-      const { flight } = this, positions = Array.from({ length: flight.numSamples }, (_, k) => flight.position(k));
+      const { flight } = this, [, outer = Infinity] = flight.limits;
+      const positions = Array.from({ length: flight.numSamples }, (_, k) => flight.position(k));
       const distances = [...positions, ...(flight.before ?? [])].map(norm);
-      this.farthest = Math.min(260, Math.max(70, ...distances));
+      this.farthest = Math.min(1.3 * outer, Math.max(7 * flight.radius, ...distances));
     }
     return this.farthest;
   }

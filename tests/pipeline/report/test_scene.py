@@ -217,6 +217,16 @@ def test_a_push_along_the_deputys_axes_that_no_rule_asked_for_was_fired(tmp_path
         assert {table["texts"][table["reasons"][k][axis]] for k, axis in pushes} == {text}
 
 
+#: whether the deputy is in the picture of the scene, and before the eye, sample by sample
+IS_HELD = """() => {
+    const [{ view, flight }] = player.sides, [width, height] = view.size;
+    return Array.from({ length: flight.numSamples }, (_, k) => {
+        const [x, y, depth] = view.on(flight.position(k));
+        return x > 0 && x < width && y > 0 && y < height && !view.isOutside([x, y, depth], [x, y, depth]);
+    });
+}"""
+
+
 @pytest.mark.parametrize("width", [400, 1400])
 def test_a_page_shows_it(flown, opened, axe, width):
     job, controller, shown, _ = flown
@@ -225,7 +235,8 @@ def test_a_page_shows_it(flown, opened, axe, width):
     head = f"<html lang=en><title>A flight</title><style>{player.style}</style>"
     body = f"<main><h1>A flight</h1><h2>Flight</h2>{player.body}</main><script>{player.script}</script>"
     page = opened(head + body, width, reduced_motion="reduce")
-    page.wait_for_function("() => globalThis.player?.sides?.[0].flight")
+    page.wait_for_function("() => globalThis.player?.sides?.[0].view?.isPainted")
+    assert page.evaluate(IS_HELD) == [True] * len(log.position_m)
     page.locator(".time").fill("30")
     count = int(log.is_inspected[30].sum())
     expect(page.locator(".count")).to_contain_text(f"{count} of {log.is_inspected.shape[1]} points")
