@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.formula import OF_COASTING, kind_of, parse, predicates
-from pipeline.evaluation.assurance.quantities import units_for
+from pipeline.evaluation.assurance.quantities import TrackFacts, units_for
 from pipeline.flight.world.coasting import FreeMotion
-from pipeline.settings.experiment import Mission
 from plain_files.document.html import element
 
 #: flights that are drawn, of the first cases
@@ -75,25 +74,40 @@ class BoardFlights:
         return float(100.0 * np.mean(np.maximum(self.after_m[:, within].max(axis=1), then) > limit_m))
 
 
-def flights_of_board(mission: Mission, tracks: NDArray[np.floating], num_cases: int) -> BoardFlights:
+def flights_of_board(facts: TrackFacts, tracks: NDArray[np.floating], num_cases: int) -> BoardFlights:
     """Return the distances of some flights, (n, K+1, 6 or more), and of what follows them.
 
     What follows is told of inspections alone: a flight to a goal ends there. Of fleets, (n, D, K+1, 6 or
     more), each deputy counts.
+
+    Parameters
+    ----------
+    facts : TrackFacts
+        With the missions in which cases move, where they draw settings of free motion.
+    tracks : array
+        m, and m/s, Hill axes.
+    num_cases : int
+        Of the evidence.
     """
+    mission = facts.mission
     if tracks.ndim == 4:
         of_each = tracks.reshape(-1, *tracks.shape[2:])
-        flights = flights_of_board(mission.of_each, of_each, num_cases * tracks.shape[1])
+        flights = flights_of_board(
+            facts._replace(mission=mission.of_each), of_each, num_cases * tracks.shape[1]
+        )
         return replace(flights, noun="deputy")
     states = np.asarray(tracks[:, :, :6], dtype=np.float64)
     distances = _lengths(states[:, :, :3], 2)
     times = mission.control_period_s * np.arange(states.shape[1], dtype=np.float64)
     if mission.problem.kind != "inspection":
         return BoardFlights(num_cases, times, distances)
-    motion = FreeMotion(mission, FOLLOWED_S)
-    path = motion.path(mission.num_controls, states[:, -1], FOLLOWED_S, SPACING_S)
-    after = motion.times(FOLLOWED_S, SPACING_S)
-    return BoardFlights(num_cases, times, distances, after, _lengths(path, 1).T)
+    after = FreeMotion(mission, FOLLOWED_S).times(FOLLOWED_S, SPACING_S)
+    after_m = np.empty((len(states), len(after)))
+    for of_some, rows in facts.moving:
+        motion = FreeMotion(of_some, FOLLOWED_S)
+        path = motion.path(mission.num_controls, states[rows, -1], FOLLOWED_S, SPACING_S)
+        after_m[rows] = _lengths(path, 1).T
+    return BoardFlights(num_cases, times, distances, after, after_m)
 
 
 def _lengths(vectors: Floats, axis: int) -> Floats:

@@ -20,7 +20,7 @@ from pipeline.evaluation.assurance.quantities import track_of, tracks_of
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.evaluation.assurance.sentences import ordinal
 from pipeline.evaluation.assurance.verdicts import Evidence
-from pipeline.flight.cases.dispersions import drawn
+from pipeline.flight.cases.dispersions import drawn, mission_of_case, mission_with
 from pipeline.flight.fly.fleet_logs import fly_logged_fleet
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
@@ -75,7 +75,7 @@ def record_worst(
     names, logs = _recorded(folder, mission, recorder, requirement, scenario)
     assert requirement.formula is not None  # noqa: S101 - flown ones have one
     recordings = [reader.read(folder / name, (DEPUTY_CONTROL, DEPUTY_STATE, MISSION)) for name in names]
-    tracks, facts = tracks_of(recordings, mission)
+    tracks, facts = tracks_of(recordings, mission_of_case(mission, scenario))
     again = evaluate_each(tracks, facts, {requirement.id: requirement.formula}, mission.control_period_s)
     margins = again[requirement.id].margins
     deputy = int(np.argmin(margins))
@@ -131,7 +131,8 @@ def worst_drawn(
     requirement = gravest(gathered["requirements"])
     if requirement is None:
         return None
-    worst, mission = requirement["worst"], experiment.mission
+    worst = requirement["worst"]
+    mission = mission_with(experiment.mission, tuple(worst["settings"].items()))
     recording = reader.read(folder / worst["recording"], (DEPUTY_CONTROL, DEPUTY_STATE, MISSION))
     (track, *_), facts = track_of(recording, mission)
     name = f"{requirement['id']} {requirement['title']}"

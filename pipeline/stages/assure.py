@@ -290,8 +290,8 @@ def _board(experiment: Experiment, folder: Path, gathered: Mapping[str, Any]) ->
     num_cases = gathered["conditions"]["num_cases"]
     campaign = Campaign(mission, controller, experiment.assurance.workers)
     deputies = mission.fleet.deputies
-    tracks, _ = campaign.tracks(list(_scenarios(experiment, min(MOST_FOLLOWED // deputies, num_cases))))
-    flights = flights_of_board(mission, tracks, num_cases)
+    tracks, facts = campaign.tracks(list(_scenarios(experiment, min(MOST_FOLLOWED // deputies, num_cases))))
+    flights = flights_of_board(facts, tracks, num_cases)
     made = datetime.now(UTC).date()
     worst = worst_drawn(experiment, folder, gathered)
     return render_board(gathered, controller.systems, flights, worst, made, controller.force_axes)

@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 from fis_tools.model import And, Consequent, FuzzySystem, Is, Rule, Term, Triangular, Variable
 from pipeline.command_line.config import compose_experiment
 from pipeline.evaluation.assurance.judgements import ORDER
+from pipeline.evaluation.assurance.quantities import TrackFacts
 from pipeline.evaluation.assurance.requirements import SEVERITIES
 from pipeline.report import board
 from pipeline.report.board_flights import BoardFlights, Limit, draw_distances, flights_of_board, in_words
@@ -447,12 +448,17 @@ def test_rules_are_printed_unless_they_are_too_many():
     assert "The controller has no rules." in board_of(requirement(1))[1]
 
 
+def facts_of(mission):
+    """What tracks do not hold, where cases draw nothing of free motion."""
+    return TrackFacts(99, np.full(1, 99), mission)
+
+
 def test_free_motion_after_the_end_is_where_an_integrator_leads():
     mission = Mission()
     rng = np.random.default_rng(3)
     states = np.column_stack([rng.uniform(-150.0, 150.0, (20, 3)), rng.uniform(-0.3, 0.3, (20, 3))])
     tracks = np.repeat(states[:, np.newaxis], mission.num_controls + 1, axis=1)
-    motion = flights_of_board(mission, tracks, 20)
+    motion = flights_of_board(facts_of(mission), tracks, 20)
     n = mission.orbit.mean_motion_rad_s
 
     def moves(_, state):
@@ -481,7 +487,7 @@ def test_what_follows_the_end_has_its_times_whatever_the_period(control_period_s
     words = (word, f"control_period_s={control_period_s}", f"duration_s={20 * control_period_s}")
     mission = compose_experiment(["+experiment=evaluate", "controller=coast", *words]).experiment.mission
     state = np.array([40.0, -60.0, 25.0, 0.03, -0.05, 0.02])
-    motion = flights_of_board(mission, np.tile(state, (1, mission.num_controls + 1, 1)), 1)
+    motion = flights_of_board(facts_of(mission), np.tile(state, (1, mission.num_controls + 1, 1)), 1)
     assert np.diff(motion.after_s).max() <= max(30.0, control_period_s) + 2.0
     # the closed form of a circular orbit, which no table has
     n, s, c = (
@@ -503,11 +509,11 @@ def test_of_fleets_each_deputy_has_a_flight():
     ).experiment.mission
     tracks = np.zeros((3, 2, mission.num_controls + 1, 6))
     tracks[..., 1] = 40.0 + 10.0 * np.arange(6.0).reshape(3, 2, 1)
-    motion = flights_of_board(mission, tracks, 3)
+    motion = flights_of_board(facts_of(mission), tracks, 3)
     assert (motion.num_cases, motion.noun) == (6, "deputy")
     np.testing.assert_allclose(motion.distance_m[:, 0], [40.0, 50.0, 60.0, 70.0, 80.0, 90.0])
     docking = compose_experiment(["+experiment=fly", "problem=docking"]).experiment.mission
-    assert flights_of_board(docking, tracks[:, 0], 3).after_m.size == 0
+    assert flights_of_board(facts_of(docking), tracks[:, 0], 3).after_m.size == 0
 
 
 def test_a_histogram_marks_its_zero_where_margins_lie_on_both_sides():

@@ -14,14 +14,23 @@ import pytest
 from fis_tools.analysis.domain import from_mapping
 from fis_tools.formats import serialize
 from pipeline.command_line.cli import main
+from pipeline.command_line.config import compose_experiment
+from pipeline.controllers.source import load
+from pipeline.evaluation.assurance.campaign import Campaign
 from pipeline.evaluation.assurance.conditions import changed_settings
 from pipeline.evaluation.assurance.judgements import judge
 from pipeline.evaluation.assurance.repeats import earlier_tries
+from pipeline.evaluation.assurance.requirements import load_requirements
+from pipeline.flight.cases.dispersions import mission_of_case
+from pipeline.recording.recorder import FlightRecorder
+from pipeline.report import worst_flight
 from pipeline.report.board import MOTION, render_board
 from pipeline.report.board_flights import flights_of_board, limits_of
 from pipeline.report.evidence import OF_PAPER, OF_RUN, render_evidence
 from pipeline.report.figures.flights import draw_flight
+from pipeline.report.worst_flight import record_worst
 from pipeline.run import artifacts, manifests
+from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Mission
 from pipeline.settings.groups import variants_of
 from pipeline.settings.mission import Dynamics
@@ -29,6 +38,7 @@ from pipeline.settings.places import conf_folder, requirements_path
 from tests import night
 from tests.browser import serious_violations
 from tests.fis_tools.control_systems import build_simulation
+from tests.pipeline.evaluation.propagated import linear
 from tests.policies import check_policy, check_references, source_hash
 
 pytestmark = pytest.mark.slow
@@ -289,6 +299,47 @@ def test_the_board_reads_verdicts_flights_and_what_is_not_covered(assured, evide
     assert "15 m R1" in words
 
 
+#: orbits of cases, of one and three quarters to seven hours
+ORBITS = "+dispersions.orbit.mean_motion_rad_s={kind:uniform,low:0.00025,high:0.001}"
+
+
+def test_a_board_follows_each_case_in_the_orbit_that_it_has_drawn():
+    words = "+experiment=assure", "controller=champion_27", "sun=random", "duration_s=600", ORBITS
+    experiment = compose_experiment(words).experiment
+    mission, scenarios = experiment.mission, evaluation_scenarios(experiment)[:5]
+    tracks, facts = Campaign(mission, load(experiment.controller, mission)).tracks(scenarios)
+    flights = flights_of_board(facts, tracks, 5)
+    for scenario, track, distances in zip(scenarios, tracks, flights.after_m, strict=True):
+        rate = mission_of_case(mission, scenario).orbit.mean_motion_rad_s
+        followed = linear(rate, track[-1, :6].astype(np.float64), flights.after_s)
+        np.testing.assert_allclose(distances, followed, rtol=1e-6)
+
+
+def test_a_worst_flight_is_judged_again_and_drawn_by_what_its_case_has_drawn(tmp_path, monkeypatch):
+    drawn = ORBITS, "+dispersions.deputy.max_distance_m={kind:uniform,low:150,high:190}"
+    words = "+experiment=assure", "controller=champion_27", "sun=random", "duration_s=600", *drawn
+    job = compose_experiment(words)
+    experiment, mission = job.experiment, job.experiment.mission
+    controller, (scenario, *_) = load(experiment.controller, mission), evaluation_scenarios(experiment)
+    requirement = load_requirements("inspection", mission)[7]
+    (result,) = Campaign(mission, controller).judge([scenario], [requirement]).values()
+    recorder = FlightRecorder(experiment, controller, job.config)
+    judged = (*result.worst, scenario, "case 0")
+    worst = record_worst(tmp_path, mission, recorder, None, requirement, judged)  # refuses another margin
+    assert worst["recorded_margin"] == pytest.approx(worst["margin"], abs=0.05)
+    missions = []
+
+    def keep(track, num_points, mission, dots_per_inch):
+        missions.append(mission)
+        return draw_flight(track, num_points, mission, dots_per_inch)
+
+    monkeypatch.setattr(worst_flight, "draw_flight", keep)
+    entry = {"id": "R8", "title": "", "severity": "critical", "verdict": "refuted", "worst": worst}
+    monkeypatch.setattr(worst_flight, "gravest", lambda _: entry)
+    assert worst_flight.worst_drawn(experiment, tmp_path, {"requirements": [entry]})
+    assert missions == [mission_of_case(mission, scenario)]
+
+
 def test_every_distance_that_a_requirement_names_is_a_line(evidence):
     named = {
         float(value): entry["id"]
@@ -306,7 +357,7 @@ def test_every_distance_that_a_requirement_names_is_a_line(evidence):
 def test_what_follows_the_end_is_told_where_no_requirement_is_about_it(evidence, formula):
     # all flights end at 75 m, at 0.1 m/s outwards along the track: beyond 200 m within half an hour
     track = np.tile([0.0, 75.0, 0.0, 0.0, 0.1, 0.0], (200, 361, 1))
-    flights = flights_of_board(Mission(), track, 200)
+    flights = flights_of_board(facts_of(Mission()), track, 200)
     others = [each for each in evidence["requirements"] if "coasting" not in (each["formula"] or "")]
     further = {**evidence["requirements"][0], "id": "R99", "formula": formula}
     shown = {**evidence, "requirements": [*others, further]}
@@ -320,7 +371,7 @@ def test_the_page_of_the_flagship_is_printed_on_two_sheets_with_all_its_rules(ev
     systems = serialize.load(conf_folder() / "controller" / f"{name}.yaml").systems
     track = np.linspace([-70.0, 5.0, 3.0, *[0.1] * 12], [20.0, 60.0, 3.0, *[0.0] * 12], 361)
     flight = draw_flight(track, 99, Mission(), 50)
-    flights = flights_of_board(Mission(), np.repeat(track[np.newaxis], 200, axis=0), 200)
+    flights = flights_of_board(facts_of(Mission()), np.repeat(track[np.newaxis], 200, axis=0), 200)
     text = render_board(evidence, systems, flights, ("Its words.", flight), date(2026, 1, 2), "hill")
     # grids: each force is scikit-fuzzy's at the rule's own values
     shown = [
