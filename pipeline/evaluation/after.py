@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.array_types import Booleans, Floats
+from pipeline.flight.cases.processes import drifts_of
+from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.coasting import FreeMotion
 from pipeline.settings.experiment import Mission
 
@@ -33,11 +35,23 @@ class Aftermath(NamedTuple):
     passively_safe: Booleans
 
 
-def aftermath(mission: Mission, tracks: NDArray[Any], workers: int = 1) -> Aftermath | None:
+def aftermath(
+    mission: Mission, tracks: NDArray[Any], workers: int = 1, scenarios: Sequence[Scenario] = ()
+) -> Aftermath | None:
     """Return what follows flights from their tracks, (n, K+1, 6 or more): position, m, and velocity, m/s.
 
     Tracks of fleets, (n, D, K+1, 6 or more), tell it of each deputy: arrays of shape (n, D).
     None where an orbit is so long, and control periods so short, that there would be too many samples.
+
+    Parameters
+    ----------
+    mission : Mission
+    tracks : array
+    workers : int
+        Threads.
+    scenarios : sequence of Scenario
+        Of the flights: drag that varies within them goes on after their end as it was drawn for each. Without
+        any it is constant.
     """
     orbit = _orbit_s(mission)
     if orbit is None:
@@ -49,11 +63,13 @@ def aftermath(mission: Mission, tracks: NDArray[Any], workers: int = 1) -> After
     for first in range(0, len(tracks), CHUNK):
         states = np.asarray(tracks[first : first + CHUNK, :, :6], dtype=np.float64)
         low, high = mission.deputy.min_distance_m, mission.deputy.max_distance_m
+        drifts = drifts_of(motion, mission, scenarios[first : first + CHUNK], ORBITS[-1] * orbit)
         ends = [
-            motion.distances(states[:, -1:], count * orbit, workers, mission.num_controls) for count in ORBITS
+            motion.distances(states[:, -1:], count * orbit, workers, mission.num_controls, drifts=drifts)
+            for count in ORBITS
         ]
         stay = [(nearest[:, 0] >= low) & (farthest[:, 0] <= high) for nearest, farthest in ends]
-        nearest, _ = motion.distances(states, orbit, workers)
+        nearest, _ = motion.distances(states, orbit, workers, drifts=drifts)
         is_safe = np.asarray(np.min(nearest[:, 1:], axis=1) >= low)
         parts.append(Aftermath(stay[0], stay[1], is_safe))
     return joined(parts)

@@ -164,8 +164,9 @@ def _aftermath(
     """Return what follows flights, each by the motion and within the limits that its case has drawn."""
     groups = groups_of(mission, scenarios, (*OF_MOTION, "deputy.min_distance_m", "deputy.max_distance_m"))
     if len(groups) == 1:
-        return aftermath(groups[0][0], tracks, workers)
-    after = joined([aftermath(of_group, tracks[rows], workers) for of_group, rows in groups])
+        return aftermath(groups[0][0], tracks, workers, scenarios)
+    parts = ((of_group, rows, [scenarios[row] for row in rows]) for of_group, rows in groups)
+    after = joined([aftermath(of_group, tracks[rows], workers, some) for of_group, rows, some in parts])
     order = np.argsort([row for _, rows in groups for row in rows])
     return after and Aftermath(*(column[order] for column in after))
 

@@ -105,7 +105,8 @@ def flights_of_board(facts: TrackFacts, tracks: NDArray[np.floating], num_cases:
     after_m = np.empty((len(states), len(after)))
     for of_some, rows in facts.moving:
         motion = FreeMotion(of_some, FOLLOWED_S)
-        path = motion.path(mission.num_controls, states[rows, -1], FOLLOWED_S, SPACING_S)
+        drifts = facts.drifts(motion, of_some, rows, FOLLOWED_S)
+        path = motion.path(mission.num_controls, states[rows, -1], FOLLOWED_S, SPACING_S, drifts)
         after_m[rows] = _lengths(path, 1).T
     return BoardFlights(num_cases, times, distances, after, after_m)
 

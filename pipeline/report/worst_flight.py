@@ -16,11 +16,11 @@ from pipeline.evaluation.assurance.formula import (
     predicates,
     quantities_of,
 )
-from pipeline.evaluation.assurance.quantities import track_of, tracks_of
+from pipeline.evaluation.assurance.quantities import facts_of_flown, track_of, tracks_of
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.evaluation.assurance.sentences import ordinal
 from pipeline.evaluation.assurance.verdicts import Evidence
-from pipeline.flight.cases.dispersions import drawn, mission_of_case, mission_with
+from pipeline.flight.cases.dispersions import drawn, mission_with
 from pipeline.flight.fly.fleet_logs import fly_logged_fleet
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
@@ -75,7 +75,8 @@ def record_worst(
     names, logs = _recorded(folder, mission, recorder, requirement, scenario)
     assert requirement.formula is not None  # noqa: S101 - flown ones have one
     recordings = [reader.read(folder / name, (DEPUTY_CONTROL, DEPUTY_STATE, MISSION)) for name in names]
-    tracks, facts = tracks_of(recordings, mission_of_case(mission, scenario))
+    tracks, recorded_facts = tracks_of(recordings, mission)
+    facts = facts_of_flown(mission, [scenario], recorded_facts.inspectable)
     again = evaluate_each(tracks, facts, {requirement.id: requirement.formula}, mission.control_period_s)
     margins = again[requirement.id].margins
     deputy = int(np.argmin(margins))

@@ -26,6 +26,7 @@ from pipeline.evaluation.assurance.formula import (
     seconds_of,
 )
 from pipeline.flight.cases.dispersions import OF_MOTION, groups_of
+from pipeline.flight.cases.processes import drifts_of
 from pipeline.flight.state import arrays
 from pipeline.flight.state.log import Scenario, inspectable_rate
 from pipeline.flight.world.coasting import FreeMotion
@@ -44,13 +45,14 @@ class TrackFacts(NamedTuple):
     """What tracks do not hold: the mission, and points, in all and inspectable, (n,).
 
     Where cases draw settings of free motion, also the missions in which they move, each with the rows of its
-    cases.
+    cases, and their scenarios, by which drag varies in time.
     """
 
     number: int
     inspectable: Integers
     mission: Mission
     drawn: Sequence[tuple[Mission, Sequence[int]]] = ()
+    scenarios: Sequence[Scenario] = ()
 
     @property
     def mean_motion(self) -> float:
@@ -61,6 +63,13 @@ class TrackFacts(NamedTuple):
     def moving(self) -> Sequence[tuple[Mission, Sequence[int] | slice]]:
         """The missions in which cases move freely, each with the rows of its cases."""
         return self.drawn or [(self.mission, slice(None))]
+
+    def drifts(
+        self, motion: FreeMotion, mission: Mission, rows: Sequence[int] | slice, beyond_s: float
+    ) -> Floats | None:
+        """Return where drag leads the flights of some rows, which move in a mission; see `drifts_of`."""
+        some = self.scenarios[rows] if isinstance(rows, slice) else [self.scenarios[row] for row in rows]
+        return drifts_of(motion, mission, some, beyond_s)
 
 
 #: from tracks, (n, K+1, 15), and what they do not hold to (n, K+1)
@@ -120,7 +129,8 @@ def _coasting(name: str, seconds: float | None = None) -> OfTracks:
         for mission, rows in facts.moving:
             duration = _lasting(mission, seconds)
             motion = FreeMotion(mission, duration)
-            distances[rows] = motion.distances(tracks[rows, :, :6], duration)[end]
+            drifts = facts.drifts(motion, mission, rows, duration)
+            distances[rows] = motion.distances(tracks[rows, :, :6], duration, drifts=drifts)[end]
         return distances
 
     return distance
@@ -350,7 +360,7 @@ def facts_of_flown(mission: Mission, scenarios: Sequence[Scenario], inspectable:
         How many points can be inspected in each case.
     """
     missions = groups_of(mission, scenarios, OF_MOTION) if distributions(mission.dispersions) else ()
-    return TrackFacts(len(inspection_points(mission)), inspectable, mission, missions)
+    return TrackFacts(len(inspection_points(mission)), inspectable, mission, missions, scenarios)
 
 
 def track_of(recording: Recording, mission: Mission) -> tuple[Floats, TrackFacts]:

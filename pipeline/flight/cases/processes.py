@@ -13,13 +13,15 @@ instant it has that distribution, truncated or uniform as it may be.
 Each key draws from its own place in the case's seed, independently of which others vary.
 """
 
-from math import exp, inf, sqrt
+from collections.abc import Sequence
+from math import ceil, exp, inf, sqrt
 
 import numpy as np
 
 from pipeline.array_types import Floats
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.chief import chief_course
+from pipeline.flight.world.coasting import FreeMotion
 from pipeline.settings.dispersions import IN_TIME, Distribution
 from pipeline.settings.experiment import Mission
 from pipeline.settings.mission import TwoBody
@@ -35,11 +37,13 @@ def varies(mission: Mission, *keys: str) -> bool:
     return not mission.varying.keys().isdisjoint(keys)
 
 
-def in_time(mission: Mission, key: str, scenario: Scenario, constant: Floats | float) -> Floats:
+def in_time(
+    mission: Mission, key: str, scenario: Scenario, constant: Floats | float, beyond: int = 0
+) -> Floats:
     """Return the values of a setting, a constant if it does not vary, at each sample of a flight.
 
     The shape is (K+1, 3) for an error, one per axis, else (K+1, 1); (1, ...) for a constant. In rad where the
-    key is in degrees.
+    key is in degrees. Samples `beyond` the flight's end follow those within it.
     """
     law = mission.varying.get(key)
     if law is None or law.correlation_s is None:
@@ -48,7 +52,7 @@ def in_time(mission: Mission, key: str, scenario: Scenario, constant: Floats | f
 
     keys = list(IN_TIME)
     scores = scenario.generator(FIRST + keys.index(key)).standard_normal(
-        (mission.num_controls + 1, 3 if IN_TIME[key] == "error" else 1)
+        (mission.num_controls + 1 + beyond, 3 if IN_TIME[key] == "error" else 1)
     )
     kept = exp(-mission.control_period_s / law.correlation_s)
     scores[1:] *= sqrt(1.0 - kept**2)
@@ -70,18 +74,37 @@ def _values(law: Distribution, scores: Floats) -> Floats:
     return np.asarray(np.clip(law.mean + law.std * ndtri(shares), law.low, law.high))
 
 
-def drag_in_time(mission: Mission, scenarios: list[Scenario]) -> Floats:
+def drag_in_time(mission: Mission, scenarios: Sequence[Scenario], beyond_s: float = 0.0) -> Floats:
     """Return the difference from constant drag on the deputies in each period, shape (m, K, 3), m/s^2.
 
-    It is held along Hill axes; no rows where drag is constant.
+    It is held along Hill axes; no rows where drag is constant. Periods up to some seconds beyond the end
+    follow those of the flight.
     """
     dynamics = mission.dynamics
     if not varies(mission, DRAG) or not isinstance(dynamics, TwoBody):
         return np.zeros((0, 0, 3))
-    constant = dynamics.drag_m_s2
-    more = [in_time(mission, DRAG, scenario, constant)[:-1] - constant for scenario in scenarios]
-    with_drag, without = (chief_course(mission, drag_m_s2=drag) for drag in (1.0, 0.0))
+    constant, beyond = dynamics.drag_m_s2, ceil(beyond_s / mission.control_period_s)
+    more = [in_time(mission, DRAG, scenario, constant, beyond)[:-1] - constant for scenario in scenarios]
+    with_drag, without = (chief_course(mission, beyond_s, drag_m_s2=drag) for drag in (1.0, 0.0))
     middles = slice(with_drag.num_steps, None, 2 * with_drag.num_steps)
     pushes = with_drag.common[middles] - without.common[middles]
     pushes_h = np.einsum("kij,kj->ki", with_drag.axes[middles], pushes)
     return np.asarray(np.array(more) * pushes_h)
+
+
+def drifts_of(
+    motion: FreeMotion, mission: Mission, scenarios: Sequence[Scenario], beyond_s: float
+) -> Floats | None:
+    """Return where drag leads each flight from rest, see `FreeMotion.drifts`; None where it is constant.
+
+    Parameters
+    ----------
+    motion : FreeMotion
+        Of the mission, up to `beyond_s` seconds beyond the end.
+    mission : Mission
+    scenarios : sequence of Scenario
+        Of the flights; where there are none drag counts as constant.
+    beyond_s : float
+    """
+    more = drag_in_time(mission, scenarios, beyond_s) if scenarios else np.zeros((0, 0, 3))
+    return motion.drifts(more) if len(more) else None

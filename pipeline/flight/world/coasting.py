@@ -49,6 +49,8 @@ class Arcs(NamedTuple):
 
 #: those of its tables that have a row for each instant; the others have one for each sample
 BY_INSTANT = ("rows", "offsets")
+#: and those that depend on drag
+OF_DRAG = ("drift", "offsets", "end_offsets")
 
 
 class FreeMotion:
@@ -87,14 +89,52 @@ class FreeMotion:
         off = drag[samples, :3] - rows @ drag[k]
         return np.concatenate([rows, off[:, :, np.newaxis]], axis=2)
 
-    def path(self, k: int, states: Floats, seconds: float, spacing_s: float) -> Floats:
-        """Return positions, (J, 3, m), m, from states at sample k, (m, 6); see `rows`."""
+    def path(
+        self, k: int, states: Floats, seconds: float, spacing_s: float, drifts: Floats | None = None
+    ) -> Floats:
+        """Return positions, (J, 3, m), m, from states at sample k, (m, 6); see `rows` and `drifts`."""
         rows = self.rows(k, seconds, spacing_s)
         known = np.column_stack([states, np.ones(len(states))])
-        return np.asarray((rows.reshape(-1, 7) @ known.T).reshape(len(rows), 3, len(states)))
+        path = np.asarray((rows.reshape(-1, 7) @ known.T).reshape(len(rows), 3, len(states)))
+        if drifts is None or self._tables is None:
+            return path
+        more = drifts - self._tables[1]
+        samples = k + self._samples(seconds, spacing_s)
+        return path + more[:, samples, :3].transpose(1, 2, 0) - rows[:, :, :6] @ more[:, k].T
+
+    def drifts(self, more: Floats) -> Floats:
+        """Return where drag, and what accelerates flights besides, leads from rest, (m, N, 6).
+
+        Positions and velocities at N samples, up to beyond the end, are in m and m/s, Hill axes.
+
+        Parameters
+        ----------
+        more : (m, N-1, 3) array
+            Of each flight, held over each control period, m/s^2, Hill axes.
+
+        Raises
+        ------
+        ValueError
+            If motion is that about a circular orbit, which no drag moves.
+        """
+        if self._tables is None:
+            raise ValueError("drag moves deputies about the Earth alone: choose dynamics.model=two_body")
+        course, drag = self._tables
+        kicks = self._mission.deputy.mass_kg * np.einsum("kij,mkj->mki", course.pushes, more)
+        drifts = np.zeros((len(more), *drag.shape))
+        for k, step in enumerate(course.steps):
+            drifts[:, k + 1] = drifts[:, k] @ step.T + kicks[:, k]
+        return drag + drifts
 
     def distances(
-        self, states: Floats, seconds: float, workers: int = 1, sample: int = 0, *, is_relative: bool = False
+        self,
+        states: Floats,
+        seconds: float,
+        workers: int = 1,
+        sample: int = 0,
+        *,
+        is_relative: bool = False,
+        drifts: Floats | None = None,
     ) -> tuple[Floats, Floats]:
         """Return the least and the greatest distance of free motion from the states of flights on.
 
@@ -111,6 +151,8 @@ class FreeMotion:
             That of the first state.
         is_relative : bool
             Whether states are differences of two deputies', which drag moves alike.
+        drifts : (n, N, 6) array, optional
+            Where drag leads each flight from rest, if not all alike; see `drifts`.
 
         Returns
         -------
@@ -119,16 +161,20 @@ class FreeMotion:
         """
         whole = self._arcs(seconds)
         if is_relative:
-            names = ("drift", "offsets", "end_offsets")
-            whole = whole._replace(**{name: np.zeros_like(getattr(whole, name)) for name in names})
-        arcs = Arcs(
-            *(table if name in BY_INSTANT else table[sample:] for name, table in whole._asdict().items())
-        )
+            whole = whole._replace(**{name: np.zeros_like(getattr(whole, name)) for name in OF_DRAG})
+        arcs = _from_sample(whole, sample)
         states = np.ascontiguousarray(states, dtype=np.float64)
         squares = np.empty((2, *states.shape[:2]))
 
         def follow(flights: slice) -> None:
-            note_extremes(arcs, states[flights], squares[0, flights], squares[1, flights])
+            if drifts is None:
+                note_extremes(arcs, states[flights], squares[0, flights], squares[1, flights])
+                return
+            for flight in range(flights.start, flights.stop):
+                drift, offsets, end_offsets = self._of_drag(drifts[flight], seconds)
+                moved = whole._replace(drift=drift, offsets=offsets, end_offsets=end_offsets)
+                row = slice(flight, flight + 1)
+                note_extremes(_from_sample(moved, sample), states[row], squares[0, row], squares[1, row])
 
         shares = [share for share in np.array_split(np.arange(len(states)), workers) if len(share)]
         in_threads(follow, [slice(share[0], share[-1] + 1) for share in shares], workers=workers)
@@ -140,18 +186,30 @@ class FreeMotion:
         if self._tables is None:
             return _circular_arcs(self._mission.orbit.mean_motion_rad_s, period, num_samples, seconds)
         course, drag = self._tables
-        stride, samples = max(1, round(SPACING_S / period)), np.arange(num_samples)
-        ends = samples + ceil(seconds / period - 1e-9)
-        instants = np.arange(0, ends[-1] + 1, stride)
+        stride, samples, instants, ends = self._looked_at(seconds)
+        drift, offsets, end_offsets = self._of_drag(drag, seconds)
         return Arcs(
-            *(course.onward[samples], course.back[samples], drag[samples]),
-            *(
-                np.ascontiguousarray(course.onward[instants, :3].transpose(1, 2, 0)),
-                drag[instants, :3].T.copy(),
-            ),
+            *(course.onward[samples], course.back[samples], drift),
+            *(np.ascontiguousarray(course.onward[instants, :3].transpose(1, 2, 0)), offsets),
             *(-(-samples // stride), ends // stride),
-            *(np.ascontiguousarray(course.onward[ends, :3]), np.ascontiguousarray(drag[ends, :3])),
+            *(np.ascontiguousarray(course.onward[ends, :3]), end_offsets),
         )
+
+    def _looked_at(self, seconds: float) -> tuple[int, Integers, Integers, Integers]:
+        """Return the control periods between instants, the samples, the instants, and the ends of samples."""
+        stride, samples = max(1, round(SPACING_S / self._period)), np.arange(self._mission.num_controls + 1)
+        ends = samples + ceil(seconds / self._period - 1e-9)
+        return stride, samples, np.arange(0, ends[-1] + 1, stride), ends
+
+    def _of_drag(self, drag: Floats, seconds: float) -> tuple[Floats, Floats, Floats]:
+        """Return the tables `OF_DRAG` from where drag leads from rest, (N, 6)."""
+        _, samples, instants, ends = self._looked_at(seconds)
+        return drag[samples], drag[instants, :3].T.copy(), np.ascontiguousarray(drag[ends, :3])
+
+
+def _from_sample(whole: Arcs, sample: int) -> Arcs:
+    """Return the tables from a sample on."""
+    return Arcs(*(table if name in BY_INSTANT else table[sample:] for name, table in whole._asdict().items()))
 
 
 @lru_cache(maxsize=4)

@@ -1,14 +1,21 @@
 """What follows flights, against orbits that SciPy integrates without any rate of Hill axes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from pipeline.command_line.config import compose_experiment
 from pipeline.evaluation.after import aftermath
+from pipeline.evaluation.assurance.quantities import facts_of_flown, of_tracks
+from pipeline.evaluation.monte_carlo import fly_tracked
 from pipeline.flight.control.controller import coast
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.coasting import FreeMotion
+from pipeline.report.board_flights import flights_of_board
+from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.mission import TwoBody
 from pipeline.settings.orbit import OrbitSettings
 from tests.pipeline.evaluation.propagated import Orbit, about_the_earth, linear
@@ -59,6 +66,46 @@ def test_flights_stay_and_are_safe_as_integrations_have_it(is_linear):
     np.testing.assert_array_equal(np.column_stack(after), seen)
     for column in np.column_stack(after).T:
         assert 0 < column.sum() < len(ends)
+
+
+#: drag that varies within flights, and goes on after them
+VARYING = "+dispersions.dynamics.drag_m_s2={kind:normal,mean:4e-7,std:3e-7,correlation_s:1200}"
+OF_VARYING = (
+    *("+experiment=evaluate", "world=leo", "controller=coast", "dynamics.radiation_m_s2=0.0"),
+    *("monte_carlo.num_cases=8", "monte_carlo.parked=true", VARYING),
+)
+
+
+@pytest.mark.slow
+def test_drag_that_varies_goes_on_after_the_end_as_in_longer_flights():
+    of_flight, longer = (
+        compose_experiment([*OF_VARYING, f"duration_s={seconds}"]).experiment for seconds in (1800, 7400)
+    )
+    what, starts = of_flight.mission, evaluation_scenarios(of_flight)
+    (_, tracks), (_, whole) = (fly_tracked(of.mission, coast(), starts, 1) for of in (of_flight, longer))
+    last, seconds = what.num_controls, longer.mission.duration_s - what.duration_s
+    np.testing.assert_array_equal(whole[:, : last + 1, :6], tracks[..., :6])
+    distances = np.linalg.norm(whole[:, last:, :3], axis=2)
+    facts = facts_of_flown(what, starts, np.full(len(starts), 99))
+    each = of_tracks(tracks, facts, (f"coasting_farthest[{seconds:g}]", f"coasting_distance[{seconds:g}]"))
+    farthest, nearest = (values[:, -1] for values in each.values())
+    np.testing.assert_allclose(farthest, distances.max(axis=1), atol=0.1)
+    np.testing.assert_allclose(nearest, distances.min(axis=1), atol=0.1)
+    board = flights_of_board(facts, tracks, len(starts))
+    samples = np.round(board.after_s / what.control_period_s).astype(int)
+    np.testing.assert_allclose(board.after_m, distances[:, samples], atol=0.1)
+    # a limit that a flight would keep if drag were constant, or break
+    constant, orbit_s = replace(what, dispersions={}), 2.0 * np.pi / what.orbit.mean_motion_rad_s
+    motion = FreeMotion(constant, orbit_s)
+    _, as_constant = motion.distances(tracks[:, -1:, :6].astype(np.float64), orbit_s, sample=last)
+    until = distances[:, : int(orbit_s / what.control_period_s) + 1].max(axis=1)
+    flight = int(np.argmax(np.abs(until - as_constant[:, 0])))
+    assert abs(until[flight] - as_constant[flight, 0]) > 2.0
+    limit = 0.5 * (until[flight] + as_constant[flight, 0])
+    limited = replace(what, deputy=replace(what.deputy, max_distance_m=float(limit)))
+    after = aftermath(limited, tracks, 1, starts)
+    assert after.stays_orbit[flight] == (until[flight] <= limit)
+    assert aftermath(limited, tracks).stays_orbit[flight] != after.stays_orbit[flight]
 
 
 def test_a_mission_that_goes_on_counts_what_follows_as_outside():
