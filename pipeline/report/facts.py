@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
+from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.fly.fleet_logs import DeputyLog
 from pipeline.flight.state.log import FlightLog, inspectable_rate, points_needed
 from pipeline.recording.events import points_in_words, seen_in_words
@@ -44,7 +45,7 @@ def _of_flight(flight: ShownFlight, mission: Mission) -> Facts:
         _sun(flight),
         ("Δv", f"{log.delta_v_m_s[-1]:.3f} m/s"),
         ("inspected", f"{points_in_words(log)}, {rate:.2f} %"),
-        _reached(counts, log, mission),
+        _reached(counts, log, mission_of_case(mission, flight.scenario)),
         _distance(log),
     ]
 

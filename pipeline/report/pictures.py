@@ -10,6 +10,7 @@ from pipeline.evaluation.blocks import blocks_of, number_of
 from pipeline.evaluation.comparison import ComparisonRow, worlds_of
 from pipeline.evaluation.monte_carlo import fly_tracked
 from pipeline.evaluation.statistics import Column, Columns
+from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.state.log import FlightLog, points_needed
 from pipeline.flight.world.pack import inspection_points
 from pipeline.report.comparisons import marks_of
@@ -65,7 +66,7 @@ def _drawn(contents: Contents) -> Iterator[Drawn]:
     if contents.comparison:
         yield _comparison(contents.comparison, mission.inspection_threshold_percent)
     for flight in contents.shown:
-        yield from _flight(flight, mission)
+        yield from _flight(flight, mission_of_case(mission, flight.scenario))
     if contents.training is not None and contents.training.tracks_m is not None:
         yield _training(contents.training, mission)
     if contents.evaluation is not None and contents.evaluation.tracks_m is not None:

@@ -20,8 +20,12 @@ from fis_tools.words.text import summary
 from pipeline.command_line.config import compose_experiment
 from pipeline.evaluation.comparison import PAPER_NAME
 from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, summarise
+from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.fly.simulation import fly_logged
+from pipeline.report import pictures
 from pipeline.report.contents import command_of, gather, read_evaluation, tracks_of
+from pipeline.report.facts import facts_of
+from pipeline.report.figures.flights import controls
 from pipeline.report.page import write
 from pipeline.report.pictures import draw
 from pipeline.report.played import player_of_run
@@ -423,3 +427,27 @@ def test_training_flights_start_where_the_last_round_did(tmp_path):
     kept = gather(run_of(tmp_path, ("scenario",), *overrides, "starts.redraw=false"), tmp_path)
     assert kept.training_round is None
     assert kept.shown[0].title == "Training case 0"
+
+
+@pytest.mark.slow
+def test_a_flight_is_shown_by_what_its_case_has_drawn(tmp_path, monkeypatch):
+    drawn = (
+        "+dispersions.inspection_threshold_percent={kind:uniform,low:20,high:30}",
+        "+dispersions.deputy.max_distance_m={kind:uniform,low:150,high:190}",
+    )
+    words = ("+experiment=evaluate", "controller=champion_27", "telemetry.record_start=false", *drawn)
+    experiment = run_of(tmp_path, ("evaluate",), *words)
+    contents, missions = gather(experiment, tmp_path), []
+    (flight,) = contents.shown
+    of_case = mission_of_case(experiment.mission, flight.scenario)
+    assert of_case.deputy.max_distance_m < experiment.mission.deputy.max_distance_m
+    ((_, _, facts),) = facts_of(flight, experiment.mission)
+    assert f"{of_case.inspection_threshold_percent:g} % reached" in dict(facts)
+
+    def keep(log, mission):
+        missions.append(mission)
+        return controls(log, mission)
+
+    monkeypatch.setattr(pictures, "controls", keep)
+    draw(contents)
+    assert missions == [of_case]
