@@ -14,6 +14,9 @@ UNWRITTEN = 2
 #: objects made before Python looks for those that only refer to each other: after its 700, loading alone
 #: makes it look 400 times
 OBJECTS = 50_000
+#: two to this power are the cycles for which OpenBLAS's idle threads wait for work before they sleep: its own
+#: 26 cost a tenth of a second of processor time for each library that is loaded, and no sum depends on it
+OPENBLAS_SPIN = "4"
 
 
 class Output:
@@ -122,6 +125,7 @@ def run_program(main: Callable[[], int]) -> NoReturn:
             os.fstat(number)
         except OSError:
             os.open(os.devnull, os.O_RDWR)  # file: the null device, of the lowest free number: this one
+    os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", OPENBLAS_SPIN)
     gc.set_threshold(OBJECTS)
     atexit.register(gc.freeze)  # taking apart in the end what is loaded takes a fifth of a second
     if sys.flags.optimize > 1 and (not sys.argv[1:] or {"-h", "--help"} & set(sys.argv[1:])):
