@@ -84,6 +84,18 @@ class Function:
     #: its numbers, each with its kind, and with its range, or None
     parameters: dict[str, tuple[str, Range]] = field(default_factory=dict)
 
+    def is_as(self, other: "Function") -> bool:
+        """Return whether another is the same word for word; its numbers may have other ranges."""
+        kinds, others = (
+            {name: kind for name, (kind, _) in each.parameters.items()} for each in (self, other)
+        )
+        return (
+            self.source is other.source
+            and kinds == others
+            and self.signature.replace(f" {self.name}(", f" {other.name}(") == other.signature
+            and self.lines == other.lines
+        )
+
 
 @dataclass
 class Frame:

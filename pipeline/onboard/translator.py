@@ -149,9 +149,14 @@ class Translator(Loops):
         text = ", ".join(["struct controller *state", *numbers])
         written.signature = f"{c_type} {name}({text})"
         written.lines = pruned(written.lines)
-        self.functions.append(written)
         if outer is None:
+            self.functions.append(written)
             return None
+        if (same := next(filter(written.is_as, self.functions), None)) is None:
+            self.functions.append(written)
+        else:
+            self._forget(written, same)
+            name = same.name
         call = f"{name}({', '.join(['state', *given])})"
         if c_type == "void":
             self.emit(f"{call};")
@@ -161,6 +166,16 @@ class Translator(Loops):
         if isinstance(result, Three):
             return Three(*(Expression(f"{variable}.{axis}", is_name=True) for axis in "xyz"))  # type: ignore[arg-type]
         return Expression(variable, kind_of(result), True, range_of(result))
+
+    def _forget(self, written: Function, same: Function) -> None:
+        """Forget a function that was written as another one was; that stands for both, with both's ranges."""
+        self._names.discard(written.name)
+        for variable, (kind, span) in same.parameters.items():
+            same.parameters[variable] = kind, union(span, written.parameters[variable][1])
+        for each in [each for each in self.obligations if each.function == written.name]:
+            del self.obligations[each]
+            self.obligations[replace(each, function=same.name)] = None
+        self.loops = [each for each in self.loops if each.function != written.name]
 
     def _returned(self, result: Any) -> str:
         """Write the return of a function, and return its type."""
