@@ -1,4 +1,4 @@
-"""The exponential of vectors, accurate to rounding.
+"""Elementary functions: the exponential of vectors, accurate to rounding, and whole numbers within limits.
 
 The approximation is that of S. L. Moshier, "Methods and Programs for Mathematical Functions" (Cephes
 library), 1989.
@@ -27,3 +27,12 @@ def exponential(x: Vector) -> Vector:
     q = (3.00198505138664455042e-6 * square + 2.52448340349684104192e-3) * square
     q = (q + 2.27265548208155028766e-1) * square + 2.00000000000000000009e0
     return select(x < LEAST_EXPONENT, 0.0, (1.0 + 2.0 * (p / (q - p))) * power_of_two(whole))
+
+
+@compiled(error_model="numpy", forceinline=True)
+def whole_within(value: float, most: int) -> int:
+    """Return the whole part of a number, from 0 to `most`, whatever the number is; 0 of NaN."""
+    whole = most if value >= most else 0
+    if value == value and 0.0 < value < most:  # noqa: PLR0124 - NaN is told apart on board
+        whole = int(value)
+    return whole

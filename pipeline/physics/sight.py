@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.elementary import whole_within
 from fis_tools.compiled.three import Three, cross, dot, three_of
 from fis_tools.compiled.vectors import Mask, Vector, most
 from pipeline.array_types import Bytes, Floats
@@ -36,6 +37,12 @@ class Occlusion(NamedTuple):
     edge: int  # cells along an edge of the cube, n
 
 
+@compiled(error_model="numpy", forceinline=True)
+def _square_of(edge: int, slope: float) -> int:
+    """Return the square along an edge, 0 to n - 1, of a slope from -1 to 1, whatever rounding does."""
+    return whole_within((atan(slope) * (4.0 / pi) + 1.0) * 0.5 * edge, edge - 1)
+
+
 @compiled(error_model="numpy")
 def cell_of(edge: int, direction: Three) -> int:
     """Return the cell that a direction of any length falls into, for `edge` cells along an edge."""
@@ -49,9 +56,7 @@ def cell_of(edge: int, direction: Three) -> int:
         face, most, u, v = 4 if z > 0.0 else 5, az, x, y
     if most == 0.0:
         return 0
-    i = min(edge - 1, int((atan(u / most) * (4.0 / pi) + 1.0) * 0.5 * edge))
-    j = min(edge - 1, int((atan(v / most) * (4.0 / pi) + 1.0) * 0.5 * edge))
-    return (face * edge + i) * edge + j
+    return (face * edge + _square_of(edge, u / most)) * edge + _square_of(edge, v / most)
 
 
 @compiled

@@ -3,6 +3,7 @@
 from math import atan2, cos, pi, sin, sqrt
 
 from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.elementary import whole_within
 from fis_tools.compiled.three import Three, lane_of, write_lane
 from fis_tools.compiled.vectors import width_of
 from pipeline.array_types import Floats
@@ -67,14 +68,15 @@ def arrival(now: Moment, control: Control, lane: int) -> int:
     """
     world, last = now.world, len(now.world.transitions.onward) - 1
     time, wait = constant_of(control, TOUR_TIME), constant_of(control, TOUR_WAIT)
-    sample = min(last, now.k + max(1, int(time / world.control_period + 0.5)))
-    latest = min(last, now.k + int(wait / world.control_period + 0.5))
+    ahead = whole_within(time / world.control_period + 0.5, last)
+    patience = whole_within(wait / world.control_period + 0.5, last)
+    sample, latest = min(last, now.k + max(1, ahead)), min(last, now.k + patience)
     is_dark = wait > 0.0
     while is_dark and sample <= latest:
         sun, height = sun_ahead(now, lane, sample)
         is_dark = height[0] * sun[0] < least_height_at(world, sample)
         sample += 1 if is_dark else 0
-    return now.k if is_dark else sample
+    return now.k if is_dark else min(last, sample)
 
 
 @compiled(error_model="numpy")
