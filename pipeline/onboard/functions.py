@@ -93,7 +93,7 @@ class Function:
             self.source is other.source
             and kinds == others
             and self.signature.replace(f" {self.name}(", f" {other.name}(") == other.signature
-            and self.lines == other.lines
+            and [line.text for line in self.lines] == [line.text for line in other.lines]
         )
 
 

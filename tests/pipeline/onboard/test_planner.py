@@ -240,6 +240,24 @@ def assert_names_are_of_the_c(program):
     assert joined(replace(program, planner=None)) == ""
 
 
+def assert_each_function_is_written_once(program):
+    code, bodies = sources(program).code, {}
+    for kind, name, numbers, body in re.findall(
+        r"^static (\w[\w ]*?)(\w+)\(([^)]*)\)\n\{\n(.*?)^\}", code, re.MULTILINE | re.DOTALL
+    ):
+        bodies.setdefault((kind, numbers, body), []).append(name)
+    assert len(bodies) > 30
+    assert [names for names in bodies.values() if len(names) > 1] == []
+
+
+def test_a_function_that_is_called_in_several_ways_is_written_once(planning):
+    assert_each_function_is_written_once(planning[0])
+
+
+def test_a_function_of_flights_ahead_is_written_once(replanning):
+    assert_each_function_is_written_once(replanning[0])
+
+
 def test_the_analyser_takes_ways_together_in_functions_that_the_c_has(planning):
     """It refuses an option for a function that is not there, and takes ways apart in those of the rules."""
     assert_names_are_of_the_c(planning[0])

@@ -153,3 +153,27 @@ def test_no_row_beyond_a_table_is_read_wherever_its_rows_in_use_begin(latest, is
     part = Begun("table", (5, 2), data=np.zeros((5, 2)), count=4, begins=begins).at((row, 1))
     assert range_of(part.indices[0]) == (0, 4)
     assert ("at_most(" in part.indices[0].text) == is_limited
+
+
+@compiled
+def quadrupled(k):
+    return 4 * k
+
+
+@compiled
+def called_twice(cells, i, j):
+    cells[0] = float(quadrupled(i)) + float(quadrupled(j))
+
+
+@pytest.mark.parametrize(("span", "joint"), [((5, 9), (0, 9)), (None, None)])
+def test_a_function_that_is_called_twice_stands_for_the_ranges_of_both_and_keeps_what_is_to_be_shown(
+    span, joint
+):
+    translator = Translator(Setting(OPERATIONS, is_proved_apart=True))
+    first, second = (Expression(name, "int", True, each) for name, each in (("i", (0, 3)), ("j", span)))
+    translator.write("entry", called_twice, {"cells": Array("state->cells", (1,)), "i": first, "j": second})
+    kept, entry = translator.functions
+    assert (kept.name, entry.name) == ("quadrupled", "entry")
+    assert kept.parameters == {"k": ("int", joint)}
+    assert sum(line.text.count("quadrupled(") for line in entry.lines) == 2
+    assert {each.function for each in translator.obligations} == ({"quadrupled"} if span is None else set())
