@@ -247,7 +247,7 @@ def note_push_on_course(force: float, component: int, begin: int, outlook: Outlo
     `force` would be that of one control period, N; it is divided among as many as thrusters need.
     """
     rows, sums, step = outlook.rows, outlook.sums, outlook.step
-    last, periods = len(sums) - 1, num_periods(force, outlook.most_force)
+    last, periods = max(0, len(sums) - 1), num_periods(force, outlook.most_force)
     first = min(begin * step, last)
     ended, share = min(first + periods, last), force / periods
     if force != 0.0:
