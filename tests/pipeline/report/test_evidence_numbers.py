@@ -13,13 +13,13 @@ from scipy.integrate import solve_ivp
 from fis_tools.model import And, Consequent, FuzzySystem, Is, Rule, Term, Triangular, Variable
 from pipeline.command_line.config import compose_experiment
 from pipeline.evaluation.assurance.judgements import ORDER
-from pipeline.evaluation.assurance.quantities import TrackFacts
 from pipeline.evaluation.assurance.requirements import SEVERITIES
 from pipeline.report import board
 from pipeline.report.board_flights import BoardFlights, Limit, draw_distances, flights_of_board, in_words
 from pipeline.report.evidence import contexts, document, draw_margins, factors, lead, proved_by, run_in_words
 from pipeline.settings.experiment import Mission
 from plain_files.document import Fold, Items, Paragraph, Table
+from tests.pipeline.evaluation.assurance.cases import facts_of
 from tests.pipeline.report.test_drawings import read
 
 CONDITIONS = {
@@ -446,11 +446,6 @@ def test_rules_are_printed_unless_they_are_too_many():
         assert ("rules do not fit on a sheet" in words) == (not is_printed)
         assert f"The {4 * count} rules, their numbers and what they sense" in words
     assert "The controller has no rules." in board_of(requirement(1))[1]
-
-
-def facts_of(mission):
-    """What tracks do not hold, where cases draw nothing of free motion."""
-    return TrackFacts(99, np.full(1, 99), mission)
 
 
 def test_free_motion_after_the_end_is_where_an_integrator_leads():

@@ -38,6 +38,7 @@ from pipeline.settings.places import conf_folder, requirements_path
 from tests import night
 from tests.browser import serious_violations
 from tests.fis_tools.control_systems import build_simulation
+from tests.pipeline.evaluation.assurance.cases import facts_of
 from tests.pipeline.evaluation.propagated import linear
 from tests.policies import check_policy, check_references, source_hash
 

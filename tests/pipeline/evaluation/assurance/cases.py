@@ -8,12 +8,12 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
 from pipeline.evaluation.assurance import judgements
 from pipeline.evaluation.assurance.formula import parse
-from pipeline.evaluation.assurance.quantities import UNITS
+from pipeline.evaluation.assurance.quantities import UNITS, TrackFacts
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.state.log import Scenario
 from pipeline.scenarios import evaluation_scenarios
-from pipeline.settings.experiment import Experiment
+from pipeline.settings.experiment import Experiment, Mission
 
 REQUIREMENT = Requirement(
     *("R1", "keep out", "The deputy stays away.", "a collision", "critical", "because", "nobody"),
@@ -44,3 +44,8 @@ def cases(num_failed: int, num_cases: int = 1000, probability: float = 0.99) -> 
     """Judge cases of which some fail."""
     margins = np.r_[-np.ones(num_failed), np.ones(num_cases - num_failed)]
     return judgements.judge(margins, margins > 0, probability, 0.9)
+
+
+def facts_of(mission: Mission) -> TrackFacts:
+    """What tracks do not hold, where cases draw nothing of free motion."""
+    return TrackFacts(99, np.full(1, 99), mission)
