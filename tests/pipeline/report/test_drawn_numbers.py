@@ -11,7 +11,7 @@ from pipeline.evaluation.comparison import ComparisonRow
 from pipeline.flight.state.arrays import TRACK_LEFT
 from pipeline.report.figures import flights
 from pipeline.report.figures import style as looks
-from pipeline.report.figures.comparison import by_world, front_of_runs
+from pipeline.report.figures.comparison import ControllerMark, by_world, compared, front_of_runs
 from pipeline.report.figures.flights import METRICS, Sample, approach, controls, distributions
 from pipeline.report.figures.style import BLUE, MUTED, PALETTE, PAPER, VERMILION, style
 from pipeline.report.figures.trajectories import Tracks, trajectories, trajectories_apart
@@ -346,3 +346,11 @@ def test_names_that_would_overlap_are_written_below_or_not_at_all():
     assert list(offsets) == ["a", "b", "d", "f"]
     above, below = offsets["a"][1], offsets["b"][1]
     assert below < 0 < above
+
+
+def test_a_name_with_room_around_it_is_as_near_to_its_mark_as_names_come():
+    (ax,) = compared([("one", [ControllerMark("law", (0.5, 0.1), (90.0, 3.0))])], 95.0).axes
+    (name,) = ax.texts
+    across, up = name.xyann
+    # three letters, of which one is 4.3 points wide: its nearest edge is 9 points away
+    assert np.hypot(max(abs(across) - 1.5 * 4.3, 0.0), up) == pytest.approx(9.0)

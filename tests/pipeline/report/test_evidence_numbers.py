@@ -395,7 +395,7 @@ def test_ticks_of_a_drawing_are_round_and_about_as_many_as_fit(span_s, unit):
 
 def test_words_of_limits_stand_a_line_apart_from_the_lowest_up():
     limits = [Limit(value, (f"R{value:g}",), ("T",)) for value in (10.0, 11.0, 12.0, 100.0)]
-    elements, _, height = read(draw_distances(flights(), limits))
+    elements, width, height = read(draw_distances(flights(), limits))
     words = [each for each in elements if each.get("class") == "limit" and each.text]
     lines = [float(each.get("y1")) for each in elements if each.get("class") == "limit" and not each.text]
     values, names = ([float(each.get("y")) for each in words[first::2]] for first in (0, 1))
@@ -404,6 +404,9 @@ def test_words_of_limits_stand_a_line_apart_from_the_lowest_up():
     assert values[0] == pytest.approx(lines[0] + 4.0, abs=0.11)
     assert values[3] == pytest.approx(lines[3] + 4.0, abs=0.11)
     assert max(lines) < height
+    # right of what is drawn, where nothing hides them
+    ends = {float(each.get("x2")) for each in elements if each.get("class") == "limit" and not each.text}
+    assert all(max(ends) < float(each.get("x")) < width for each in words)
 
 
 def graded(values):

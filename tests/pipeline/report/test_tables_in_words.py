@@ -8,15 +8,22 @@ import pytest
 from scipy import stats
 
 from pipeline.command_line.config import compose_experiment
+from pipeline.controllers import source
 from pipeline.evaluation import paired_runs
+from pipeline.flight.goals.flights import fly_logged
+from pipeline.flight.goals.reach import ended
+from pipeline.player.runs import PlayedRun
 from pipeline.report import comparisons, fit, page, pictures, played, sweep, sweep_page, worst_flight
-from pipeline.report.contents import FlightSet, read_numbers, read_summary
+from pipeline.report.contents import FlightSet, gather, read_numbers, read_summary
 from pipeline.report.facts import facts_of, sun_at_start
 from pipeline.report.fleets import deputy_rows, together_rows
+from pipeline.run import artifacts
 from pipeline.run.artifacts import ArtifactError
+from pipeline.scenarios import evaluation_scenarios, training_scenarios
 from plain_files.document import Items, Table
 from tests.pipeline.evaluation.test_paired_runs import evaluation
 from tests.pipeline.recording import cases
+from tests.pipeline.report.runs import run_of
 from tests.pipeline.report.test_sweep_page import SEEDS, write_runs
 
 TEN_MINUTES = "duration_s=600.0"
@@ -362,3 +369,23 @@ def test_the_worst_known_flight_is_the_least_margin_of_all():
     assert worst_flight.worst_of(evidence, starts, outcome) == (0.25, "m", "u", "second search, flight 0")
     evidence.searches = searches[:1]
     assert worst_flight.worst_of(evidence, starts, outcome) == (0.5, "m", "b", "case 1")
+
+
+def test_flights_of_a_training_that_is_only_recorded_are_among_the_contents(tmp_path):
+    recorded = run_of(tmp_path, ("scenario",), "+experiment=evaluate", "telemetry.record_training=true")
+    assert len(gather(recorded, tmp_path).training.episodes["case"]) == len(training_scenarios(recorded))
+    (tmp_path / artifacts.SCENARIOS).unlink()
+    run_of(tmp_path, ("scenario",), "+experiment=evaluate")
+    assert gather(recorded, tmp_path).training is None
+
+
+def test_flights_to_a_goal_end_where_they_are_known_or_flown_to_end():
+    words = ["+experiment=evaluate", "problem=docking", "controller=champion_docking", "duration_s=600"]
+    experiment = compose_experiment(words).experiment
+    controller = source.load(experiment.controller, experiment.mission)
+    starts = evaluation_scenarios(experiment, [0, 1])
+    run = PlayedRun("law", "law", experiment.mission, controller, starts)
+    logs = [fly_logged(experiment.mission, controller, start) for start in starts]
+    assert played._ends(run, ()) == [ended(experiment.mission, log)[0] for log in logs]
+    period_s = experiment.mission.control_period_s
+    assert played._ends(run, [7 * period_s, 9 * period_s]) == [7, 9]
