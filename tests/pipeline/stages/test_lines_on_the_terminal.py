@@ -11,7 +11,11 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.evaluation.statistics import Fraction
 from pipeline.run import artifacts, tables
 from pipeline.run.artifacts import ArtifactError
-from pipeline.stages import assure, evaluate, fit, optimum, record, scenario, train
+from pipeline.scenarios import evaluation_scenarios
+from pipeline.stages import assure, evaluate, fit, optimum
+from pipeline.stages.record import FlightToRecord, _check_repeated, _in_words
+from pipeline.stages.scenario import _rows_of
+from pipeline.stages.train import FURTHER, _unimproved
 from tests.pipeline.recording import cases
 
 
@@ -150,13 +154,13 @@ def test_plans_are_written_up_to_their_last_force_and_gathered_by_case(tmp_path,
     [((90, 0.5), True), ((90, 0.5 + 4e-10), True), ((90, 0.5 + 1e-8), False), ((91, 0.5), False)],
 )
 def test_a_flight_repeats_its_evaluation_but_for_the_last_digits(flown, is_repeated):
-    flight = record.FlightToRecord("best-case-3", "case-3", None, (90, 0.5))
+    flight = FlightToRecord("best-case-3", "case-3", None, (90, 0.5))
     if is_repeated:
-        record._check_repeated(flight, flown)
+        _check_repeated(flight, flown)
     else:
         with pytest.raises(ArtifactError, match=f"case-3 now achieves {flown[0]} for {flown[1]:.6f} m/s"):
-            record._check_repeated(flight, flown)
-    record._check_repeated(replace(flight, expected=None), (0, 9.0))
+            _check_repeated(flight, flown)
+    _check_repeated(replace(flight, expected=None), (0, 9.0))
 
 
 def test_a_recorded_flight_is_told_with_where_it_left_the_limits():
@@ -164,12 +168,12 @@ def test_a_recorded_flight_is_told_with_where_it_left_the_limits():
     log = cases.flown("duration_s=100.0")
     path = np.zeros((11, 3))
     path[:, 0] = 75.0
-    words = record._in_words(mission, log._replace(position_m=path))
+    words = _in_words(mission, log._replace(position_m=path))
     assert words == f"{log.is_inspected[-1].sum()} of {_inspectable(log)}, {log.delta_v_m_s[-1]:.3f} m/s"
     for sample, is_told in ((0, False), (1, True), (10, True)):  # the start is given
         out = path.copy()
         out[sample, 0] = 201.0
-        told_words = record._in_words(mission, log._replace(position_m=out))
+        told_words = _in_words(mission, log._replace(position_m=out))
         assert told_words.endswith(", outside the limits") == is_told
 
 
@@ -264,28 +268,26 @@ def test_rows_of_starts_count_cases_and_deputies():
     experiment = compose_experiment(
         ["+experiment=evaluate", "controller=coast", "monte_carlo.num_cases=4"]
     ).experiment
-    starts = scenario.evaluation_scenarios(experiment)
-    rows = [*scenario._rows_of("evaluation", 5, starts)]
+    starts = evaluation_scenarios(experiment)
+    rows = [*_rows_of("evaluation", 5, starts)]
     assert [line[:2] for line in rows] == [["evaluation", 5 + k] for k in range(4)]
     for line, start in zip(rows, starts, strict=True):
         assert line[2:5] == start.position_m.tolist()
         assert line[5:8] == start.velocity_m_s.tolist()
         assert line[8:] == [start.sun_angle_rad, start.sun_elevation_rad]
     words = ["+experiment=evaluate", "controller=coast", "monte_carlo.num_cases=2", "fleet.deputies=3"]
-    fleets = scenario.evaluation_scenarios(compose_experiment(words).experiment)
-    labels = [line[:3] for line in scenario._rows_of("x", 1, fleets)]
+    fleets = evaluation_scenarios(compose_experiment(words).experiment)
+    labels = [line[:3] for line in _rows_of("x", 1, fleets)]
     assert labels == [["x", 1 + case, deputy] for case in range(2) for deputy in (1, 2, 3)]
 
 
 def test_an_unimproved_training_says_from_how_many_starts():
     candidate = SimpleNamespace(num_cases=2000, sentence="it does well", where="generation 3")
     selection = SimpleNamespace(best_champion=candidate, chosen=candidate, best_fails_more=True)
-    words = str(train._unimproved(selection))
+    words = str(_unimproved(selection))
     assert (
         "From 2,000 validation starts it does well; with the best champion (generation 3) it does well"
         in words
     )
-    assert f"; from {train.FURTHER * 2000:,} further starts it fails more often" in words
-    assert "further" not in str(
-        train._unimproved(SimpleNamespace(**{**vars(selection), "best_fails_more": False}))
-    )
+    assert f"; from {FURTHER * 2000:,} further starts it fails more often" in words
+    assert "further" not in str(_unimproved(SimpleNamespace(**{**vars(selection), "best_fails_more": False})))
