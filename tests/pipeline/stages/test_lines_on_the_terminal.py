@@ -1,5 +1,6 @@
 """What stages print of their results, from results made by hand: each number is computed beside it."""
 
+from concurrent.futures import CancelledError
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -12,7 +13,7 @@ from pipeline.evaluation.statistics import Fraction
 from pipeline.run import artifacts, tables
 from pipeline.run.artifacts import ArtifactError
 from pipeline.scenarios import evaluation_scenarios
-from pipeline.stages import assure, evaluate, fit, optimum
+from pipeline.stages import assure, compare, evaluate, fit, optimum
 from pipeline.stages.record import FlightToRecord, _check_repeated, _in_words
 from pipeline.stages.scenario import _rows_of
 from pipeline.stages.train import FURTHER, _unimproved
@@ -291,3 +292,14 @@ def test_an_unimproved_training_says_from_how_many_starts():
     )
     assert f"; from {FURTHER * 2000:,} further starts it fails more often" in words
     assert "further" not in str(_unimproved(SimpleNamespace(**{**vars(selection), "best_fails_more": False})))
+
+
+def test_flights_of_a_comparison_are_counted_as_they_are_flown_until_it_ends():
+    shown = []
+    flights = compare._Flights(SimpleNamespace(show=lambda *words: shown.append(words)))
+    flights.note(3, "a")
+    flights.note(4, "b")
+    assert shown == [(3, "a"), (7, "b")]
+    flights.has_ended.set()
+    with pytest.raises(CancelledError):
+        flights.note(1, "c")
