@@ -33,6 +33,9 @@ from pipeline.settings.experiment import Mission
 #: of a search by the number of pushes: the first ones of a flight, and when it plans again
 FIRST = {2: Effort(32, 74), 3: Effort(64, 234)}
 AGAIN = {2: (Effort(16, 14),), 3: (Effort(64, 40),)}
+#: on board, where neither harder searches nor rehearsals compete with a first plan, it is the cheapest of as
+#: many searches for each such time before it begins, s
+FIRST_ON_BOARD_S = 30.0
 #: on board each search has as many plans side by side, so that they have the same room
 AGAIN_ON_BOARD = {2: (Effort(32, 29),), 3: AGAIN[3]}
 #: further searches, of `MOST_PUSHES`, one after the other, where these see too little
@@ -55,7 +58,11 @@ def first_searches(controller: Controller) -> tuple[Effort, ...]:
     num_pushes, count = (
         round(controller.constants[constant(name)]) for name in ("foresight_pushes", "foresight_searches")
     )
-    return (FIRST[num_pushes],) * (count or num_pushes)
+    is_bare, seconds = (
+        controller.constants[constant(name)] for name in ("foresight_bare", "decision_period_s")
+    )
+    rounds = max(1, int(seconds / FIRST_ON_BOARD_S)) if is_bare else 1
+    return (FIRST[num_pushes],) * (count or rounds * num_pushes)
 
 
 @dataclass(frozen=True)

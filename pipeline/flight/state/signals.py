@@ -311,8 +311,8 @@ CONSTANTS = {
         "errors make them anew; nothing else competes with them"
     ),
     "foresight_searches": Chosen(
-        "how many searches a flight's first plan is the cheapest of; as many as foresight_pushes unless "
-        "given, 1 of a fleet"
+        "how many searches a flight's first plan is the cheapest of; unless given as many as "
+        "foresight_pushes, with foresight_bare for each 30 s of the decision period, 1 of a fleet"
     ),
     "foresight_doubt_m_s": Chosen(
         "price of a metre by which errors may lead nearer to the chief after a push; 0.003 unless given, m/s",
