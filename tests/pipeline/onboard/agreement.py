@@ -98,7 +98,8 @@ def difference(function: Any, entry: Callable[..., Any]) -> str | None:
         except (ArithmeticError, ValueError, IndexError):  # such as division by zero
             continue
         except TypeError as error:
-            if "numpy boolean" not in str(error):  # whose sign NumPy refuses to change
+            # NumPy refuses to change the sign of its conditions, and to keep it
+            if not {"boolean", "BoolDType"} & set(re.findall(r"\w+", str(error))):
                 raise
             continue
         is_run = True
