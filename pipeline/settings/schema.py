@@ -8,7 +8,7 @@ meaning is the text below its field, which pydantic keeps, and its range is in t
 
 import inspect
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass, replace
 from functools import cache
 from typing import Any, Final, get_type_hints
@@ -16,6 +16,7 @@ from typing import Any, Final, get_type_hints
 import yaml
 from pydantic import TypeAdapter
 
+from fis_tools.errors import nearest
 from pipeline.settings import checks, keys, sizes
 from pipeline.settings.checks import SettingError
 from pipeline.settings.conditions import Only
@@ -26,6 +27,7 @@ from pipeline.settings.following import OF_EPOCH, following
 from pipeline.settings.groups import GROUPS, conditions_of, descendants_of, names_of, texts_of
 from pipeline.settings.mission import SHARED
 from pipeline.settings.stages import STAGES
+from pipeline.settings.training import dimensions
 from pipeline.settings.types import Follows, Freely
 
 #: characters of a value in a message
@@ -105,18 +107,32 @@ def defaults() -> dict[str, Any]:
     return keys.with_values({}, given)
 
 
-def with_tried(config: Config, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a configuration with the values of a trial of a search.
+def check_tried(config: Config, tried: Iterable[str]) -> None:
+    """Check that each key that a search tries is in the configuration.
 
     Raises
     ------
     SettingError
-        If a key is not in this configuration.
+        If one is not; it names the condition that is not met, or the key that may be meant.
     """
-    for key in values:
-        if keys.value_at(config, key, ABSENT) is ABSENT:
-            raise SettingError(f"hparams_search.space.{key} is no key of this experiment; leave it out")
-    return keys.with_values(config, values)
+    for key in tried:
+        if keys.value_at(config, key, ABSENT) is not ABSENT:
+            continue
+        marks = schema()[key].only if key in schema() else ()
+        if unmet := next((mark for mark in marks if not mark.holds(config)), None):
+            raise SettingError(f"{keys.SPACE}: {unmet.refusal(key, config)}")
+        group = key
+        while group and not isinstance(keys.value_at(config, group), Mapping):
+            group = group.rpartition(".")[0]
+        node = keys.value_at(config, group)
+        # names that are compared begin below the group, whose name they share
+        near = nearest(key.removeprefix(f"{group}."), [name for name, _ in keys.leaves(node, ())])
+        cure = (
+            f"did you mean {f'{group}.{near}'.lstrip('.')}?"
+            if near
+            else f"the keys there are {', '.join(node)}"
+        )
+        raise SettingError(f"{keys.SPACE}.{key} is no key of this experiment; {cure}")
 
 
 def completed(config: Config) -> dict[str, Any]:
@@ -201,7 +217,12 @@ def _experiment(config: Config) -> Experiment:
         if name not in of_experiment and name not in of_mission:
             raise SettingError(keys.unknown(name))
     mission = Mission(**{name: config[name] for name in of_mission if name in config})
-    return Experiment(mission=mission, **{name: config[name] for name in of_experiment if name in config})
+    experiment = Experiment(
+        mission=mission, **{name: config[name] for name in of_experiment if name in config}
+    )
+    if "search" in experiment.stages:
+        check_tried(config, [each.key for each in dimensions(experiment.hparams_search.space)])
+    return experiment
 
 
 @cache

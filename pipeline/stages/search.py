@@ -17,7 +17,8 @@ from pipeline.run.progress import Progress
 from pipeline.scenarios import validation_scenarios
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import Experiment
-from pipeline.settings.schema import experiment_from, with_tried
+from pipeline.settings.keys import with_values
+from pipeline.settings.schema import experiment_from
 from pipeline.training.fitness import costs
 from pipeline.training.genome import genome_of
 from pipeline.training.judging import evolved
@@ -64,7 +65,7 @@ def _judge(
 ) -> Iterator[float]:
     """Fly a trial's controller, trained if requested, block by block; yield mean costs, m/s."""
     search = experiment.hparams_search
-    tried = experiment_from(with_tried(config, values))
+    tried = experiment_from(with_values(config, values))
     controller = _trained(tried) if search.trains else source.load(tried.controller, tried.mission)
     made["last"] = controller
     scenarios = validation_scenarios(experiment, search.num_cases)

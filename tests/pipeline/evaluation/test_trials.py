@@ -11,7 +11,6 @@ from pipeline.evaluation.trials import trials
 from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import HparamsSearch
-from pipeline.settings.schema import with_tried
 from pipeline.settings.training import dimensions
 from tests.pipeline.flight.cases import mission
 
@@ -84,12 +83,7 @@ def test_settings_that_do_not_fit_fail_their_trial_alone(tmp_path):
     assert "complete" in {trial.state for trial in tried if trial.values["sun.mode"] == "random"}
 
 
-def test_values_are_set_where_they_stand():
-    config = {"seed": 1, "sun": {"mode": "fixed"}}
-    assert with_tried(config, {"sun.mode": "random"}) == {"seed": 1, "sun": {"mode": "random"}}
-    assert config["sun"]["mode"] == "fixed"
-    with pytest.raises(SettingError, match=r"space.controller.gain is no key of this experiment"):
-        with_tried(config, {"controller.gain": 1.0})
+def test_the_keys_of_a_space_are_told_in_their_order():
     keys = [number.key for number in dimensions(SPACE)]
     assert keys == ["optimizer.initial_step", "optimizer.rounds", "sun.mode"]
 

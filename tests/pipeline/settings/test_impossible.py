@@ -122,6 +122,24 @@ def test_impossible_values(key, value, message):
     assert "\n" not in words
 
 
+@pytest.mark.parametrize(
+    ("key", "message"),
+    [
+        ("controller.ring_sise_m", "did you mean controller.ring_size_m?"),
+        ("controller.ring_size_m.inner", "did you mean controller.ring_size_m?"),
+        ("controller.zzz", f"the keys there are {', '.join(plain_config('controller=lqr')['controller'])}"),
+        ("navigation.fix_period_s", "navigation.mode=fixes, and navigation.mode is perfect"),
+        ("dispersions.deputy.mass_kg", "is no key of this experiment"),
+    ],
+)
+def test_a_search_over_a_key_that_is_not_there_is_refused_before_its_first_trial(key, message):
+    tried = {"hparams_search.space": {key: {"low": 0.1, "high": 1.0}}, "stages": ["search"]}
+    assert message in refusal_of(config_with(tried, "controller=lqr"))
+    assert refusal_of(config_with({**tried, "stages": ["evaluate"]}, "controller=lqr")) is None
+    fits = {"controller.ring_size_m": {"low": 40.0, "high": 90.0}}
+    assert refusal_of(config_with({**tried, "hparams_search.space": fits}, "controller=lqr")) is None
+
+
 def test_a_step_too_small_to_divide_by_is_refused():
     """Rounding to it would make full thrust of any command."""
     words = refusal_of(config_with({"actuators.impulse_step_n_s": 1e-311}, "actuators=real"))
