@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
 from inspect import cleandoc
+from pathlib import Path
 from typing import Final
 
 from pipeline.command_line import endings
@@ -71,8 +72,10 @@ def main(arguments: Sequence[str] | None = None, *, replaces_process: bool = Fal
 def _command_of(arguments: Sequence[str]) -> Callable[[], int]:
     """Return a function that runs the requested command and returns its exit code."""
     first, *others = arguments or [""]
-    if first.startswith(COMPARE) and "," in first:  # it is a group of settings, too
-        first, *others = "compare", first.removeprefix(COMPARE), *others
+    given = first.removeprefix(COMPARE)
+    # it is a group of settings, too: whose value is a mapping, or an option's name
+    if given != first and not given.startswith("{") and ("," in given or Path(given).expanduser().is_dir()):
+        first, *others = "compare", given, *others
     if first in COMMANDS:
         function: Callable[[Sequence[str]], int]
         function = getattr(import_module(f"pipeline.command_line.{COMMANDS[first]}"), first)

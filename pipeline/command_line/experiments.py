@@ -47,7 +47,8 @@ def run_command(command: CommandLine) -> int:
             _check_runs(command, folder)
             return runs.repeat(folder, by_key, command.config_dir)
         if "stages" in by_key and EXPERIMENT not in by_key:
-            raise ConfigError(f"{folder} holds no run; give a run's folder, or start one by +experiment=NAME")
+            cure = artifacts.choose_run(folder)
+            raise ConfigError(f"{folder} holds no run; {cure}, or start one by +experiment=NAME")
     if command.cfg == "job" and not (command.resolve or command.package or command.info):
         job = compose_experiment(split_arguments(read, None)[0][0], command.config_dir)
         check_stages(job)

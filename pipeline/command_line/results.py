@@ -14,7 +14,7 @@ from pipeline.report import sweep, sweep_page, verification
 from pipeline.report.contents import read_summary
 from pipeline.report.evaluated_run import EvaluatedRun
 from pipeline.report.played import MOST_RUNS
-from pipeline.run import configuration, tables, typed, writing
+from pipeline.run import artifacts, configuration, tables, typed, writing
 from pipeline.settings.schema import differences, present
 from plain_files.document import Block, Document, text
 
@@ -140,11 +140,14 @@ def _side_by_side(folders: Sequence[Path], episodes: Sequence[Columns], blocks: 
 
 def _folders(command: str, words: Sequence[str], *numbers: int, rest: Sequence[str] = ()) -> list[Path]:
     """Return the folders that a command is given, which takes some number of them and nothing else."""
+    words = list(filter(None, words))
     if len(words) not in numbers or rest:
         counts = f"{numbers[0]} to {numbers[-1]}" if len(numbers) > 2 else " or ".join(map(str, numbers))
         takes = f"{counts} {'folder' if numbers == (1,) else 'folders'}"
+        number = len(words) + len(rest)
         parser = CommandParser(f"python -m pipeline {command}")
-        parser.error(
-            f"{command} takes {takes} and nothing else, and {len(words) + len(rest)} words are given"
-        )
+        given = f"{number} {'word is' if number == 1 else 'words are'} given"
+        if 0 < number < numbers[0]:  # the other folders are likely beside it, or in it
+            given += f"; {artifacts.choose_others(Path(words[0]).expanduser())}"
+        parser.error(f"{command} takes {takes} and nothing else, and {given}")
     return [Path(word).expanduser() for word in words]

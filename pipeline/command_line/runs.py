@@ -227,8 +227,7 @@ def stored(folder: Path) -> Job:
     config = configuration.read(folder)
     if not artifacts.holds_run(folder):
         raise artifacts.ArtifactError(
-            f"{folder} is no run's folder, it has no {artifacts.MANIFEST}; give the folder of a run, "
-            "outputs/NAME/TIME"
+            f"{folder} is no run's folder, it has no {artifacts.MANIFEST}; {artifacts.choose_run(folder)}"
         )
     manifest = manifests.read_if_any(folder)
     if manifest and not configuration.is_of(config, manifest):

@@ -4,7 +4,8 @@ import hashlib
 import os
 import stat
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from itertools import islice
 from pathlib import Path, PurePath
 from typing import Any, Final
 
@@ -78,6 +79,14 @@ ELSEWHERE: Final[Mapping[str, str]] = {
 }
 
 
+#: of runs that a message names
+MOST_NAMED: Final = 3
+#: of a run in the folder of all runs, outputs/NAME-sweep/TIME/RUN
+SWEEP_DEPTH: Final = 4
+#: entries of a folder among which runs are looked for
+MOST_LISTED: Final = 1000
+
+
 class ArtifactError(ValueError):
     """A file of a run that is missing or cannot be read."""
 
@@ -134,7 +143,7 @@ def require(folder: Path, name: str) -> Path:
         raise ArtifactError(f"{path} is reached by a link, which is not followed; put a copy in its place")
     if not path.exists():
         writer = stage_of(name)
-        cure = f"the stage {writer} writes it, run that first" if writer else "choose the folder of a run"
+        cure = f"the stage {writer} writes it, run that first" if writer else choose_run(folder)
         raise ArtifactError(f"{folder} has no {name}; {cure}")
     return path
 
@@ -180,6 +189,47 @@ def list_artifacts(folder: Path) -> list[str]:
         if path.is_file() and not path.is_symlink() and not is_hidden and not is_log:
             names.append(relative.as_posix())
     return [name for name in names if name not in (MANIFEST, CHECKPOINT, FIT_CHECKPOINT)]
+
+
+def choose_run(folder: Path) -> str:
+    """Return the advice to choose the folder of a run; it names some that are in a folder, which is none."""
+    return f"choose the folder of a run{_such_as(_runs_below(folder))}"
+
+
+def choose_others(folder: Path) -> str:
+    """Return the advice to choose several runs where one is given; it names some in its folder, or beside."""
+    if not holds_run(folder):
+        return f"choose the folders of runs{_such_as(_runs_below(folder))}"
+    return f"choose others too{_such_as(path for path in _runs_below(folder.parent) if path != folder)}"
+
+
+def _such_as(runs: Iterator[Path]) -> str:
+    """Return the first of some runs in words; nothing if there are none."""
+    first = [str(run) for run in islice(runs, MOST_NAMED)]
+    return f", such as {', '.join(first)}" if first else ""
+
+
+def _runs_below(folder: Path) -> Iterator[Path]:
+    """Yield the folders of runs in one, as deep in it as those of all sweeps are."""
+    level = [folder]
+    for _ in range(SWEEP_DEPTH):
+        below = sorted(path for parent in level[:MOST_LISTED] for path in _folders_in(parent))
+        yield from (path for path in below if _has_file(path, MANIFEST) and _has_file(path, CONFIG))
+        level = [path for path in below if not _has_file(path, CONFIG)]
+
+
+def _folders_in(folder: Path) -> list[Path]:
+    """Return the folders in one, which may hold anything: none where it cannot be read."""
+    with suppress(OSError), os.scandir(folder) as entries:
+        return [Path(each) for each in islice(entries, MOST_LISTED) if each.is_dir(follow_symlinks=False)]
+    return []
+
+
+def _has_file(folder: Path, name: str) -> bool:
+    """Return whether a folder that can be read has a file of a name."""
+    with suppress(OSError):
+        return (folder / name).is_file()
+    return False
 
 
 def holds_run(folder: Path) -> bool:

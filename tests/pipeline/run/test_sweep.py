@@ -133,6 +133,34 @@ def test_a_file_that_is_no_sweeps_is_refused(content, message, tmp_path, ran):
     assert message in ran("summary", "out", code=2).err
 
 
+def test_where_a_run_is_needed_those_of_a_sweep_are_named(tmp_path, ran, monkeypatch):
+    use_stages(monkeypatch)
+    assert main(["-m", *FLY, "hydra.sweep.dir=sweep", "seed=range(1,6)"]) == 0
+    first = ", ".join(f"sweep/seed={seed}" for seed in (1, 2, 3))
+    for words in (
+        *(["again", "sweep"], ["fly", "sweep"], ["verify", "sweep"], ["repeat", "sweep", "record"]),
+        *(["stages=[record]", "hydra.run.dir=sweep"], ["compare=sweep,sweep"]),
+    ):
+        assert f"; choose the folder of a run, such as {first}" in ran(*words, code=2).err, words
+    # from the folder of all runs, too, and of what cannot be read nothing is said
+    (tmp_path / "all" / "fly-sweep").mkdir(parents=True)
+    Path("sweep").rename("all/fly-sweep/20260101")
+    assert "such as all/fly-sweep/20260101/seed=1, all/fly" in ran("again", "all", code=2).err
+    monkeypatch.setattr("os.scandir", lambda folder: (folder / "none").stat())
+    assert ran("again", "all", code=2).err.endswith("; choose the folder of a run\n")
+
+
+def test_one_run_is_compared_with_none_and_others_are_named(ran, monkeypatch):
+    use_stages(monkeypatch)
+    assert main(["-m", *FLY, "hydra.sweep.dir=sweep", "seed=1,2"]) == 0
+    for words in (["compare=sweep"], ["compare", "sweep"]):
+        printed = ran(*words, code=2).err
+        assert "compare takes 2 to 8 folders and nothing else, and 1 word is given" in printed
+        assert "; choose the folders of runs, such as sweep/seed=1, sweep/seed=2; see" in printed
+    assert "; choose others too, such as sweep/seed=2; see" in ran("compare=sweep/seed=1", code=2).err
+    assert "there is no key compare.a" in ran("compare={a:1,b:2}", *FLY, code=2).err
+
+
 def test_a_damaged_summary_is_refused_where_runs_are_summarised_or_compared(tmp_path, ran):
     for name in ("a", "b"):
         for path, text in ((artifacts.CONFIG, "name: x"), (artifacts.SUMMARY, "{}")):
