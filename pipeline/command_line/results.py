@@ -56,7 +56,7 @@ def summary(given: Sequence[str]) -> int:
     Usage: python -m pipeline summary FOLDER
 
     The folder of a sweep, python -m pipeline -m ..., is outputs/NAME-sweep/TIME. Any other folder of runs
-    will do, such as that of a job array.
+    will do, such as that of a job array. Runs of which a file cannot be read are left out, and named.
 
     Raises
     ------
@@ -72,6 +72,8 @@ def summary(given: Sequence[str]) -> int:
     sys.stdout.write(text.write(Document([block for part in parts for block in part(results)])))
     sys.stdout.writelines(f"to fly {run.folder}: {run.fly}\n" for run in results.offered)
     sys.stdout.writelines(f"failed: {run.folder}: {run.failure}\n" for run in results.failed[:MOST_PRINTED])
+    left_out = results.left_out[:MOST_PRINTED]
+    sys.stdout.writelines(f"left out: {run.folder}: {run.failure}\n" for run in left_out)
     sys.stdout.write(f"written: {', '.join(str(folder / name) for name in (PAGE, RUNS, EFFECTS))}\n")
     return OK
 

@@ -40,6 +40,8 @@ SHARES = {"success": SUCCESS, "violated": "violated"}
 CONFIDENCE_PERCENT = 95.0
 #: the controllers that a run made or kept
 KEPT = (artifacts.CHAMPION, artifacts.CONTROLLER)
+#: the state of a run of which a file cannot be read
+UNREADABLE = "unreadable"
 #: of the settings on the front, how many are offered to be flown
 MOST_OFFERED = 5
 
@@ -67,7 +69,7 @@ class RunResult(sweep.SweptRun):
     Parameters
     ----------
     state : str
-        Of `pipeline.run.sweep`.
+        Of `pipeline.run.sweep`, or `UNREADABLE`.
     num_cases : int
         Zero where nothing was evaluated.
     estimates : mapping of str to Estimate
@@ -178,7 +180,12 @@ class SweepResults:
     @property
     def failed(self) -> list[RunResult]:
         """The runs that failed."""
-        return [run for run in self.runs if run.failure]
+        return [run for run in self.runs if run.failure and run.state != UNREADABLE]
+
+    @property
+    def left_out(self) -> list[RunResult]:
+        """The runs of which a file cannot be read; their failure says which, and why."""
+        return [run for run in self.runs if run.state == UNREADABLE]
 
     @cached_property
     def front(self) -> list[SettingResult]:
@@ -207,18 +214,28 @@ def gather_results(folder: Path) -> SweepResults:
     Raises
     ------
     pipeline.run.artifacts.ArtifactError
-        If the folder holds no run, or a file in it cannot be read.
+        If the folder holds no run, or none that can be read.
     """
-    runs, confidence, makes_controllers = [], CONFIDENCE_PERCENT, False
+    confidence, makes_controllers = CONFIDENCE_PERCENT, False
+    runs: list[RunResult] = []
     episodes: dict[str, statistics.Columns] = {}
+    refusals = []
     for run in sweep.gather_runs(folder):
         path = folder / run.folder
-        summary = read_summary(path) if (path / artifacts.SUMMARY).exists() else None
-        if summary is not None:
-            confidence = float(summary.get("confidence_percent", confidence))
-            episodes[run.folder] = read_flights(path)
-            makes_controllers |= not MAKING.isdisjoint(configuration.read(path).get("stages", []))
-        runs.append(_run_result(folder, run, summary))
+        try:
+            summary = read_summary(path) if (path / artifacts.SUMMARY).exists() else None
+            result = _run_result(folder, run, summary)
+            if summary is not None:
+                stages = configuration.read(path).get("stages", [])
+                episodes[run.folder] = read_flights(path)
+                confidence = float(summary.get("confidence_percent", confidence))
+                makes_controllers |= not MAKING.isdisjoint(stages)
+        except artifacts.ArtifactError as error:
+            refusals.append(error)
+            result = RunResult(**vars(run) | {"failure": str(error)}, state=UNREADABLE)
+        runs.append(result)
+    if refusals and len(refusals) == len(runs):
+        raise refusals[0]
     flown = [(run.differs, episodes[run.folder]) for run in runs if run.folder in episodes]
     estimated = effects(flown, confidence, pools_seeds=not makes_controllers)
     settings = _settings(runs, episodes, confidence, pools_seeds=not makes_controllers)

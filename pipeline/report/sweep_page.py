@@ -227,6 +227,8 @@ def _document(results: SweepResults) -> Document:
     if failures:
         blocks += [Heading("Failed"), Items(failures), Paragraph("To try them again:")]
         blocks.append(Code(typed.resume(folder)))
+    if left_out := [f"{run.folder}: {run.failure}" for run in results.left_out]:
+        blocks += [Heading("Left out"), Items(left_out)]
     return Document([*blocks, Heading("Runs"), *runs_table(results)])
 
 

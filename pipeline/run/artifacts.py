@@ -148,8 +148,8 @@ def require(folder: Path, name: str) -> Path:
     return path
 
 
-def read_json(folder: Path, name: str) -> Any:
-    """Read a JSON file of a run.
+def read_json(folder: Path, name: str, cure: str = "repeat the stage that writes it") -> Any:
+    """Read a JSON file of a run, or another of which it is said how to repair it.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def read_json(folder: Path, name: str) -> Any:
         If it is missing, cut short or not JSON.
     """
     path = require(folder, name)
-    with explained(f"{path} cannot be read", "repeat the stage that writes it", RecursionError):
+    with explained(f"{path} cannot be read", cure, RecursionError):
         return parse_json(read_text(path))
 
 

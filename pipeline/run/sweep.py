@@ -5,12 +5,13 @@ What became of a run is in its own folder, wherever it ran: its manifest, and ho
 
 import os
 import re
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path, PurePosixPath
 from typing import Any, Final, NamedTuple
 
-from pipeline.run import artifacts, configuration, manifests, writing
+from pipeline.run import artifacts, configuration, manifests, typed, writing
 from pipeline.settings import keys, schema
 
 SWEEP: Final = "sweep.json"
@@ -101,10 +102,12 @@ def write(folder: Path, runs: Sequence[SweptRun]) -> None:
 def gather_runs(folder: Path) -> list[SweptRun]:
     """Return the runs of a sweep, or all runs in a folder that is none, such as those of a job array.
 
+    Of a run whose files cannot be read nothing is known but its folder.
+
     Raises
     ------
     pipeline.run.artifacts.ArtifactError
-        If the folder contains no run, or a file in it is damaged.
+        If the folder contains no run, or the sweep's file is damaged.
     """
     if (folder / SWEEP).exists():
         return read(folder)
@@ -114,19 +117,27 @@ def gather_runs(folder: Path) -> list[SweptRun]:
             raise artifacts.ArtifactError(f"{folder} is one run; give the folder that holds it")
         what = "holds no runs" if folder.is_dir() else "is no folder"
         raise artifacts.ArtifactError(f"{folder} {what}; give the folder of a sweep, or one with runs in it")
-    configs = [schema.present(configuration.read(path)) for path in paths]
-    labels = [_labels(config) for config in configs]
-    keys = dict.fromkeys(key for values in labels for key in values)
-    varied = [key for key in keys if len({values.get(key) for values in labels}) > 1]
+    gathered = [_gathered(path) for path in paths]
+    keys = dict.fromkeys(key for run in gathered for key in run.differs)
+    varied = [key for key in keys if len({run.differs.get(key) for run in gathered if run.differs}) > 1]
     return [
-        SweptRun(
-            path.relative_to(folder).as_posix(),
-            {key: values[key] for key in varied if key in values},
-            tuple(manifests.read_if_any(path).get("command", ())),
-            read_ending(path).failure,
+        replace(
+            run,
+            folder=path.relative_to(folder).as_posix(),
+            differs={key: run.differs[key] for key in varied if key in run.differs},
         )
-        for path, values in zip(paths, labels, strict=True)
+        for path, run in zip(paths, gathered, strict=True)
     ]
+
+
+def _gathered(path: Path) -> SweptRun:
+    """Return a run by the files in its folder, with all its settings as what it differs in."""
+    try:
+        labels = _labels(schema.present(configuration.read(path)))
+        command = tuple(manifests.read_if_any(path).get("command", ()))
+    except artifacts.ArtifactError:
+        return SweptRun("", {}, ())
+    return SweptRun("", labels, command, read_ending(path).failure)
 
 
 def _run_folders(folder: Path) -> list[Path]:
@@ -154,8 +165,12 @@ def read(folder: Path) -> list[SweptRun]:
     pipeline.run.artifacts.ArtifactError
         If the folder contains no sweep, or its file is damaged.
     """
-    content = artifacts.read_json(folder, SWEEP)
-    with artifacts.explained(f"{folder / SWEEP} is no file of a sweep", "restore it"):
+    cure = (
+        f"restore it, or delete it: {typed.summary(folder)} does without, and the command that began the "
+        f"sweep goes on with its runs where {shlex.join([f'hydra.sweep.dir={folder}'])} is added"
+    )
+    content = artifacts.read_json(folder, SWEEP, cure)
+    with artifacts.explained(f"{folder / SWEEP} is no file of a sweep", cure):
         if (version := content["sweep_version"]) not in VERSIONS_READ:
             raise ValueError(f"its version is {version}, {' and '.join(map(str, VERSIONS_READ))} are read")
         shared = content.get("config", {})

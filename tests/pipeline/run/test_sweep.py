@@ -1,5 +1,6 @@
 """Sweeps: failures, interrupts, resuming, and files that are none of theirs."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -131,6 +132,49 @@ def test_a_file_that_is_no_sweeps_is_refused(content, message, tmp_path, ran):
     if content:
         (tmp_path / "out" / "sweep.json").write_text(content)
     assert message in ran("summary", "out", code=2).err
+
+
+@pytest.mark.parametrize("damage", ["{", '{"sweep_version": 9, "runs": []}'])
+def test_a_sweep_goes_on_without_its_damaged_file(damage, monkeypatch, ran):
+    """By the cure that the message names."""
+    use_stages(monkeypatch, evaluate=evaluate)
+    words = ["-m", *EVALUATE, "stages=[scenario,evaluate]", "seed=1,2"]
+    assert main([*words, "hydra.sweep.dir=out"]) == 0
+    (OUT / sweep.SWEEP).write_text(damage)
+    shutil.rmtree(OUT / "seed=2")
+    for refused in (["summary", "out"], ["resume=out"], [*words, "hydra.sweep.dir=out"]):
+        cure = ran(*refused, code=2).err
+        assert "; restore it, or delete it: python -m pipeline summary " in cure
+        assert "where hydra.sweep.dir=" in cure
+    (OUT / sweep.SWEEP).unlink()
+    assert ran("summary", "out").out.count("seed=") > 2
+    called = use_stages(monkeypatch, evaluate=evaluate)
+    assert main([*words, "hydra.sweep.dir=out"]) == 0
+    assert {experiment.seed for _, experiment, _ in called} == {2}
+    assert [run.folder for run in sweep.read(OUT)] == ["seed=1", "seed=2"]
+
+
+@pytest.mark.parametrize("of_sweep", [True, False])
+@pytest.mark.parametrize(
+    "name", [artifacts.SUMMARY, artifacts.CONFIG, artifacts.MANIFEST, artifacts.EPISODES]
+)
+def test_a_run_that_cannot_be_read_is_left_out_of_a_summary_and_named(name, of_sweep, monkeypatch, ran):
+    use_stages(monkeypatch, evaluate=evaluate)
+    words = ["-m", *EVALUATE, "stages=[scenario,evaluate]", "seed=1", "deputy.mass_kg=10,11,12"]
+    assert main([*words, "hydra.sweep.dir=out"]) == 0
+    (OUT / "deputy.mass_kg=11" / name).write_text("{")
+    if not of_sweep:
+        (OUT / sweep.SWEEP).unlink()
+    printed = ran("summary", "out").out
+    assert f"left out: deputy.mass_kg=11: {OUT}/deputy.mass_kg=11/{name} cannot be read" in printed
+    rows = tables.read_parquet(OUT, "summary.parquet")
+    assert rows["state"].tolist() == ["done", "unreadable", "done"]
+    difference = rows["delta_v_m_s"][2] - rows["delta_v_m_s"][0]
+    assert difference == pytest.approx(-0.3)
+    assert "Left out" in (OUT / "summary.html").read_text()
+    for other in (10, 12):
+        (OUT / f"deputy.mass_kg={other}" / name).write_text("{")
+    assert "cannot be read" in ran("summary", "out", code=2).err
 
 
 def test_where_a_run_is_needed_those_of_a_sweep_are_named(tmp_path, ran, monkeypatch):
