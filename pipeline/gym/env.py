@@ -1,9 +1,9 @@
 """Environments of one flight: an inspection, and one towards a goal, whose rewards are those of AFRL's."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import gymnasium
 import numpy as np
@@ -147,18 +147,62 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
         self._episodes.record(0, Path(path))
 
 
+#: of the fields of a start that are always given
+START_SHAPES: Final[Mapping[str, tuple[int, ...]]] = {
+    **{"position_m": (3,), "velocity_m_s": (3,)},
+    **{"sun_angle_rad": (), "sun_elevation_rad": ()},
+}
+
+
 def checked_options(options: dict[str, Any] | None, known: Sequence[str]) -> dict[str, Any]:
     """Return the options of a reset.
 
     Raises
     ------
     ValueError
-        If one is unknown.
+        If one is unknown, or cannot be flown.
     """
     options = options or {}
     if unknown := sorted(set(options) - set(known)):
         raise ValueError(f"reset knows no option {unknown[0]!r}; it takes {', '.join(known)}")
+    check_start("scenario", options.get("scenario"))
+    check_priority(options.get("priority"))
     return options
+
+
+def check_start(name: str, start: Any) -> None:
+    """Raise ValueError, naming the field, unless a start is one that can be flown; None stands for drawn."""
+    if start is None:
+        return
+    if not isinstance(start, Scenario):
+        raise ValueError(
+            f"{name} is of type {type(start).__name__}; give a pipeline.flight.state.log.Scenario"
+        )
+    for field, shape in START_SHAPES.items():
+        _check_finite(f"{name}.{field}", getattr(start, field), shape)
+    if start.settings is not None:
+        _check_finite(f"{name}.settings", start.settings, (len(start.settings),))
+    for number, other in enumerate(start.others):
+        check_start(f"{name}.others[{number}]", other)
+
+
+def check_priority(priority: Any) -> None:
+    """Raise ValueError unless a priority is a direction; None stands for drawn."""
+    if priority is not None:
+        _check_finite("priority", priority, (3,))
+        if not np.any(priority):
+            raise ValueError("priority is zero, which is no direction; give a vector that is not")
+
+
+def _check_finite(name: str, value: Any, shape: tuple[int, ...]) -> None:
+    """Raise ValueError unless a value is of finite numbers, in an array of a shape."""
+    try:
+        numbers = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        numbers = np.full(1, np.nan)
+    if numbers.shape != shape or not np.isfinite(numbers).all():
+        wanted = f"finite numbers, shape {shape}" if shape else "a finite number"
+        raise ValueError(f"{name} is {value}; give {wanted}")
 
 
 def require_episode(is_over: bool | None) -> None:

@@ -16,7 +16,7 @@ from pipeline.array_types import Booleans, Floats
 from pipeline.flight.fly.six_dof import POSITION
 from pipeline.flight.fly.stepped_fleet import SteppedFleet
 from pipeline.flight.state.log import Scenario
-from pipeline.gym.env import Observation, ReachEnv, ReachReward, require_episode
+from pipeline.gym.env import Observation, ReachEnv, ReachReward, check_priority, check_start, require_episode
 from pipeline.gym.episodes import AFRL, Episodes, Reward, Task, obeyed, task_of
 from pipeline.gym.six_dof import AFRL_SIX_DOF, AFRL_SIX_DOF_FLEET, SixDofInspectionEnv, SixDofReward
 from pipeline.gym.suite import COLLISION_M, FLEETS, NUM_DEPUTIES, REWARDS
@@ -109,6 +109,9 @@ class DeputiesEnv(ParallelEnv[str, Observation, NDArray[Any]], ABC):  # type: ig
         starts = options.get("scenarios") or self._drawn()
         if len(starts) != len(self.possible_agents):
             raise ValueError(f"{len(starts)} starts were given for {len(self.possible_agents)} deputies")
+        for number, start in enumerate(starts):
+            check_start(f"scenarios[{number}]", start)
+        check_priority(options.get("priority"))
         self._start(starts, options.get("priority"))
         self.agents, self._is_over = self.possible_agents[:], False
         return self._seen(), self._infos()

@@ -19,6 +19,7 @@ from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario, empty_log
 from pipeline.flight.world.pack import inspection_points
 from pipeline.gym import InspectionEnv, task_of
+from pipeline.gym.parallel import MultiInspectionEnv
 from pipeline.recording.reflight import fly_again
 from pipeline.scenarios import evaluation_scenarios
 
@@ -237,6 +238,36 @@ def test_what_cannot_be_learnt_in_is_refused(flown) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_a_start_that_is_not_finite_is_refused_with_its_field(bad, flown) -> None:
+    start, fleet = flown.scenario, MultiInspectionEnv(num_deputies=2)
+    fields = {
+        "position_m": np.array([-40.0, bad, 0.0]),
+        "velocity_m_s": np.array([0.0, 0.0, bad]),
+        "sun_angle_rad": bad,
+        "sun_elevation_rad": bad,
+        "settings": (1.0, bad),
+        "others": (start, replace(start, sun_angle_rad=bad)),
+    }
+    for name, value in fields.items():
+        broken = replace(start, **{name: value})
+        words = rf"^scenario\.{name}(\[1\]\.sun_angle_rad)? is .*; give (a )?finite number"
+        with pytest.raises(ValueError, match=words):
+            flown.reset(options={"scenario": broken})
+        with pytest.raises(ValueError, match=rf"^scenarios\[1\]\.{name}"):
+            fleet.reset(options={"scenarios": [start, broken]})
+    for env, word in ((flown, "scenario"), (fleet, "scenarios")):
+        given = start if env is flown else [start, start]
+        with pytest.raises(ValueError, match=r"^priority is .* give finite numbers, shape \(3,\)"):
+            env.reset(options={word: given, "priority": [1.0, bad, 0.0]})
+        with pytest.raises(ValueError, match=r"^priority is zero"):
+            env.reset(options={word: given, "priority": np.zeros(3)})
+    with pytest.raises(ValueError, match=r"position_m is .* give finite numbers, shape \(3,\)"):
+        flown.reset(options={"scenario": replace(start, position_m=np.zeros(2))})
+    with pytest.raises(ValueError, match=r"^scenario is of type dict; give a pipeline.flight.state.log.Sc"):
+        flown.reset(options={"scenario": {"position_m": [1.0, 2.0, 3.0]}})
+
+
 def test_points_are_seen_within_30_degrees_and_lit_within_60_and_10_m_s_are_spent() -> None:
     env = InspectionEnv(["world=rso"])
     normals, position = inspection_points(env.task.mission), np.array([0.0, 120.0, 160.0])
