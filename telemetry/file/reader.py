@@ -67,9 +67,35 @@ def read(
         If the file is missing, truncated, damaged or not an MCAP file, if it lacks a requested topic, or if
         the end is before the start.
     """
-    path = Path(path)
     _check_span(start_s, end_s)
     wanted = [topics] if isinstance(topics, str) else None if topics is None else list(topics)
+    recording, refusals = _read(Path(path), wanted, start_s, end_s)
+    for refusal in refusals.values():
+        raise refusal
+    return recording
+
+
+def read_decoded(path: Path) -> tuple[Recording, dict[str, RecordingError]]:
+    """Read a recording without the topics whose messages cannot be decoded.
+
+    Returns
+    -------
+    Recording
+    dict of str to RecordingError
+        Why each of the topics that are left out cannot be decoded.
+
+    Raises
+    ------
+    RecordingError
+        If the file is missing, truncated, damaged or not an MCAP file.
+    """
+    return _read(path, None, None, None)
+
+
+def _read(
+    path: Path, wanted: list[str] | None, start_s: float | None, end_s: float | None
+) -> tuple[Recording, dict[str, RecordingError]]:
+    """Read a recording, or a part of it: what can be decoded, and why other topics cannot be."""
     with _opened(path) as stream, damage_explained(path):
         file = Layout.of(stream)
         metadata = {entry.name: unsealed(entry.name, entry.metadata) for entry in file.metadata()}
@@ -77,11 +103,14 @@ def read(
         epoch_ns = epoch_ns_of(metadata.get(EPISODE_METADATA, {}))
         messages = _Messages(file, wanted, *_span_ns(start_s, end_s, epoch_ns))
         messages.read()
-        streams = {
-            topic: _topic_columns(path, topic, schema, messages.of_topic[topic], epoch_ns, metadata)
-            for topic, schema in messages.schema_of(path).items()
-        }
-        return Recording(path, streams, metadata, attachments)
+        streams, refusals = dict[str, TopicColumns](), dict[str, RecordingError]()
+        for topic, schema in messages.schema_of(path).items():
+            try:
+                of_topic = messages.of_topic[topic]
+                streams[topic] = _topic_columns(path, topic, schema, of_topic, epoch_ns, metadata)
+            except RecordingError as refusal:
+                refusals[topic] = refusal
+        return Recording(path, streams, metadata, attachments), refusals
 
 
 def _check_span(start_s: float | None, end_s: float | None) -> None:

@@ -12,7 +12,7 @@ from plain_files.document import Block, Document, Heading, Paragraph
 from plain_files.document.html import page
 from telemetry.array_types import Booleans, Floats, Integers
 from telemetry.file import RecordingError, topics
-from telemetry.file.reader import read
+from telemetry.file.reader import read_decoded
 from telemetry.file.recording import Recording, TopicColumns
 from telemetry.page.panel import panel
 
@@ -52,10 +52,12 @@ def write(*files: Path) -> str:
     RecordingError
         If one cannot be read, or does not say where the deputy is.
     """
-    recordings = [read(file) for file in files]
+    recordings, left_out = zip(*(read_decoded(file) for file in files), strict=True)
     names = [_name(recording, file) for recording, file in zip(recordings, files, strict=True)]
     runs, blocks = list[dict[str, Any]](), list[Block]([Heading(" and ".join(names), 1)])
-    for recording, file, name in zip(recordings, files, names, strict=True):
+    for recording, refusals, file, name in zip(recordings, left_out, files, names, strict=True):
+        if topics.DEPUTY_STATE in refusals:
+            raise refusals[topics.DEPUTY_STATE]
         flight, table = table_of(recording)
         runs.append(
             {
@@ -65,6 +67,8 @@ def write(*files: Path) -> str:
             }
         )
         blocks.append(Paragraph(_about(recording, flight, file)))
+        reasons = (str(refusal).replace(str(file), file.name) for refusal in refusals.values())
+        blocks += [Paragraph(f"Left out: {reason}.") for reason in reasons]
     is_fleet = _is_fleet(recordings)
     if is_fleet:
         blocks.append(Paragraph(OF_FLEET))

@@ -9,9 +9,9 @@ from mcap.writer import CompressionType
 from scipy.spatial.transform import Rotation
 
 import telemetry
-from telemetry.file import RecordingError
+from telemetry.file import RecordingError, reader
 from telemetry.file.schema import inspection_pb2
-from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, PointState
+from telemetry.file.topics import DEPUTY_ATTITUDE, DEPUTY_CONTROL, DEPUTY_STATE, PointState
 from telemetry.page import recorded
 from telemetry.scene import replay
 from tests.telemetry import synthetic_flight
@@ -73,7 +73,11 @@ def test_the_page_tells_how_long_and_what_is_missing(short_flight, short_file):
 
 def changed(source, path, topic, change):
     """Copy a recording whose messages on a topic are changed, or left out where the change says so."""
-    kind = {DEPUTY_STATE: inspection_pb2.DeputyState, DEPUTY_CONTROL: inspection_pb2.Control}[topic]
+    kind = {
+        DEPUTY_STATE: inspection_pb2.DeputyState,
+        DEPUTY_ATTITUDE: inspection_pb2.AttitudeHistory,
+        DEPUTY_CONTROL: inspection_pb2.Control,
+    }[topic]
 
     def messages(reader):
         for schema, channel, message in reader.iter_messages():
@@ -112,6 +116,37 @@ def test_forces_that_nobody_tells_are_said_to_be_missing(short_file, tmp_path):
     assert "It does not tell forces." in recorded.write(path)
     with pytest.raises(RecordingError, match=r"no 3 finite numbers as force_hill_n"):
         replay.scene([path])
+
+
+@pytest.mark.parametrize(
+    ("part", "since_s", "reason"),
+    [("quaternion", 0.0, "cannot be decoded"), ("time_offset_s", 40.0, "has rows of")],
+)
+def test_a_topic_that_cannot_be_decoded_is_left_out_of_the_page(short_file, tmp_path, part, since_s, reason):
+    def change(attitude, time_s):
+        if time_s >= since_s:
+            del getattr(attitude, part)[-1]
+        return True
+
+    path = changed(short_file, tmp_path / "odd.mcap", DEPUTY_ATTITUDE, change)
+    with pytest.raises(RecordingError, match=reason):
+        telemetry.read(path)
+    text = recorded.write(path)
+    assert "Left out: odd.mcap" in text
+    assert DEPUTY_ATTITUDE in text
+    assert reason in text
+    played, _ = reader.read_decoded(path)
+    whole = changed(short_file, tmp_path / "whole.mcap", DEPUTY_ATTITUDE, lambda *_: True)
+    assert str(recorded.table_of(played)) == str(recorded.table_of(telemetry.read(whole)))
+    assert "Left out" not in recorded.write(whole)
+
+    def cut(state, time_s):
+        if time_s >= 40.0:
+            del state.position_m[-1]
+        return True
+
+    with pytest.raises(RecordingError, match=f"on {DEPUTY_STATE}, the field 'position_m' has rows of"):
+        recorded.write(changed(short_file, tmp_path / "odd.mcap", DEPUTY_STATE, cut))
 
 
 def test_the_page_tells_when_a_recording_begins_and_what_it_lacks(short_file, tmp_path):
