@@ -13,6 +13,7 @@ from pipeline.evaluation.beside_optimum import summarise_times
 from pipeline.evaluation.blocks import blocks_of
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.statistics import Columns
+from pipeline.flight.cases.dispersions import mission_of_case, values_of
 from pipeline.flight.control.controller import Controller, open_loop
 from pipeline.flight.fly.fleet_logs import fly_logged_fleet
 from pipeline.flight.goals.flights import fly_all, fly_logged
@@ -321,15 +322,16 @@ def fly_without(experiment: Experiment, controller: Controller, episodes: Column
     if mission.safety.kind == "none" or episodes is None or "safety_periods" not in episodes:
         return None
     fleet = replace(mission.fleet, keep_apart_m=0.0)  # which the layer alone does
-    unguarded, limits = replace(mission, safety=Safety(), fleet=fleet), mission.deputy
+    unguarded = replace(mission, safety=Safety(), fleet=fleet)
     num_outside, worst, worst_case = 0, -math.inf, -1
     for part in _acted(episodes):
         scenarios = evaluation_scenarios(experiment, part)
         outcomes = fly_all(unguarded, controller, scenarios, experiment.monte_carlo.workers)
         num_outside += int(outcomes.is_violated.sum())
-        beyond = np.maximum(
-            limits.min_distance_m - outcomes.min_distance_m, outcomes.max_distance_m - limits.max_distance_m
+        least, most = (
+            values_of(f"deputy.{limit}_distance_m", mission, scenarios) for limit in ("min", "max")
         )
+        beyond = np.maximum(least - outcomes.min_distance_m, outcomes.max_distance_m - most)
         row = int(np.argmax(beyond))
         if beyond[row] > worst:
             worst, worst_case = float(beyond[row]), part[row]
@@ -338,7 +340,8 @@ def fly_without(experiment: Experiment, controller: Controller, episodes: Column
     (start,) = evaluation_scenarios(experiment, [worst_case])
     if mission.has_fleet:
         fleets = [fly_logged_fleet(world, controller, start) for world in (mission, unguarded)]
-        deputy = int(np.argmax([_beyond(mission, each.flight) for each in fleets[1]]))
+        flown = mission_of_case(mission, start)
+        deputy = int(np.argmax([_beyond(flown, each.flight) for each in fleets[1]]))
         return Without(num_outside, worst_case, deputy + 1, *(each[deputy].flight for each in fleets))
     logs = (fly_logged(world, controller, start) for world in (mission, unguarded))
     return Without(num_outside, worst_case, 0, *logs)

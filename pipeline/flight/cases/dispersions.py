@@ -7,6 +7,7 @@ flown, see `pipeline.flight.cases.processes`.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -62,9 +63,13 @@ def mission_of_case(mission: Mission, scenario: Scenario) -> Mission:
 
 def thresholds_of(mission: Mission, scenarios: Sequence[Scenario]) -> Floats:
     """Return which rate of its inspectable points each case must reach, as set or drawn, (n,), %."""
-    key = "inspection_threshold_percent"
+    return values_of("inspection_threshold_percent", mission, scenarios)
+
+
+def values_of(key: str, mission: Mission, scenarios: Sequence[Scenario]) -> Floats:
+    """Return a number of the mission, by its dotted key, as it is set or drawn for each case, (n,)."""
     if key not in (each.key for each in distributions(mission.dispersions)):
-        return np.full(len(scenarios), mission.inspection_threshold_percent)
+        return np.full(len(scenarios), attrgetter(key)(mission))
     return np.array([dict(drawn(mission, scenario))[key] for scenario in scenarios])
 
 
