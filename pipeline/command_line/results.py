@@ -65,15 +65,16 @@ def summary(given: Sequence[str]) -> int:
     """
     (folder,) = _folders("summary", given, 1)
     results = sweep.gather_results(folder)
-    tables.write_parquet(folder / RUNS, sweep.columns_of(results))
-    tables.write_parquet(folder / EFFECTS, sweep.effect_columns(results))
-    writing.write_atomically(folder / PAGE, sweep_page.write(results, _offered(results)))
     parts = sweep_page.runs_table, sweep_page.settings_table, sweep_page.effects_table
     sys.stdout.write(text.write(Document([block for part in parts for block in part(results)])))
     sys.stdout.writelines(f"to fly {run.folder}: {run.fly}\n" for run in results.offered)
     sys.stdout.writelines(f"failed: {run.folder}: {run.failure}\n" for run in results.failed[:MOST_PRINTED])
     left_out = results.left_out[:MOST_PRINTED]
     sys.stdout.writelines(f"left out: {run.folder}: {run.failure}\n" for run in left_out)
+    # last: where nothing can be written, it is printed all the same
+    tables.write_parquet(folder / RUNS, sweep.columns_of(results))
+    tables.write_parquet(folder / EFFECTS, sweep.effect_columns(results))
+    writing.write_atomically(folder / PAGE, sweep_page.write(results, _offered(results)))
     sys.stdout.write(f"written: {', '.join(str(folder / name) for name in (PAGE, RUNS, EFFECTS))}\n")
     return OK
 
@@ -109,7 +110,9 @@ def compare(given: Sequence[str]) -> int:
     """
     pages = [Path(word.removeprefix(TO_PAGE)).expanduser() for word in given if word.startswith(TO_PAGE)]
     joined, *rest = [word for word in given if not word.startswith(TO_PAGE)] or [""]
-    first, *others = folders = _folders("compare", joined.split(","), *range(2, MOST_COMPARED + 1), rest=rest)
+    first, *others = folders = _folders(
+        "compare", _at_commas(joined), *range(2, MOST_COMPARED + 1), rest=rest
+    )
     configs = [present(configuration.read(folder)) for folder in folders]
     confidence = float(read_summary(first).get("confidence_percent", sweep.CONFIDENCE_PERCENT))
     episodes = [read_flights(folder) for folder in folders]
@@ -138,6 +141,18 @@ def _side_by_side(folders: Sequence[Path], episodes: Sequence[Columns], blocks: 
     """Return the page of runs that are compared."""
     played = [_evaluated(folder, flown) for folder, flown in zip(folders, episodes, strict=True)]
     return sweep_page.write_compared(played, blocks)
+
+
+def _at_commas(joined: str) -> list[str]:
+    """Return folders that are joined by commas, which stand in the names of some as well."""
+    folders: list[str] = []
+    rest = joined.split(",")
+    while rest:
+        names = [",".join(rest[:end]) for end in range(1, len(rest) + 1)]
+        name = next((name for name in names if Path(name).expanduser().is_dir()), names[0])
+        folders.append(name)
+        rest = rest[name.count(",") + 1 :]
+    return folders
 
 
 def _folders(command: str, words: Sequence[str], *numbers: int, rest: Sequence[str] = ()) -> list[Path]:

@@ -23,8 +23,15 @@ def within(key: str, value: float, low: float, high: float, unit: str = "") -> N
 def expected(low: float | None, high: float) -> str:
     """Return the allowed range in words."""
     if low is None:
-        return f"at most {high:g}"
-    return f"at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
+        return f"at most {in_digits(high)}"
+    least = in_digits(low)
+    return f"at least {least}" if high == math.inf else f"from {least} to {in_digits(high)}"
+
+
+def in_digits(limit: Any) -> str:
+    """Return a limit: a number in few digits, a whole one in all it needs."""
+    short = f"{limit:g}" if isinstance(limit, int | float) else str(limit)
+    return str(limit) if isinstance(limit, int) and float(short) != limit else short
 
 
 def each_once(key: str, values: Sequence[str]) -> None:

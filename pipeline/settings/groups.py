@@ -20,7 +20,7 @@ from pydantic import ConfigDict, Field, GetCoreSchemaHandler, ValidationError
 from pydantic.dataclasses import dataclass as checked_dataclass
 from pydantic_core import CoreSchema, core_schema
 
-from pipeline.settings.checks import SettingError, in_unit, no_choice
+from pipeline.settings.checks import SettingError, in_digits, in_unit, no_choice
 from pipeline.settings.conditions import Only
 from pipeline.settings.keys import FREE, KNOWN, choices_of, dotted, unit_of, unknown
 
@@ -202,10 +202,10 @@ def conditions_of(kind: Any, name: str) -> Iterator[Only]:
 
 #: pydantic's names for errors, to what a value must be
 EXPECTED: Mapping[str, str] = {
-    "greater_than": "greater than {gt:g}",
-    "greater_than_equal": "at least {ge:g}",
-    "less_than": "less than {lt:g}",
-    "less_than_equal": "at most {le:g}",
+    "greater_than": "greater than {gt}",
+    "greater_than_equal": "at least {ge}",
+    "less_than": "less than {lt}",
+    "less_than_equal": "at most {le}",
     "finite_number": "a finite number",
     "float_type": "a number",
     "int_type": "a whole number",
@@ -246,7 +246,7 @@ def sentence(kind: Any, error: ValidationError) -> str:
         case _ if cause is not None:
             words = str(cause).replace("{key}", key).replace("{unit}", unit)
         case name:
-            limits = fault.get("ctx", {})
+            limits = {limit: in_digits(number) for limit, number in fault.get("ctx", {}).items()}
             words = (
                 f"{key} is {value!r}; it must be {EXPECTED[name].format(**limits)}{unit if limits else ''}"
             )

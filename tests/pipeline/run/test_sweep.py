@@ -205,6 +205,15 @@ def test_one_run_is_compared_with_none_and_others_are_named(ran, monkeypatch):
     assert "there is no key compare.a" in ran("compare={a:1,b:2}", *FLY, code=2).err
 
 
+def test_folders_with_commas_in_their_names_are_compared(ran, monkeypatch):
+    use_stages(monkeypatch, evaluate=evaluate)
+    assert main(["-m", *EVALUATE, "stages=[evaluate]", "hydra.sweep.dir=sweep", "deputy.mass_kg=10,12"]) == 0
+    Path("sweep").rename("a, b")
+    compared = ran("compare=a, b/deputy.mass_kg=10,a, b/deputy.mass_kg=12").out
+    assert "A: deputy.mass_kg=10  B: deputy.mass_kg=12" in compared
+    assert "a is no folder" in ran("compare=a,b", code=2).err
+
+
 def test_a_damaged_summary_is_refused_where_runs_are_summarised_or_compared(tmp_path, ran):
     for name in ("a", "b"):
         for path, text in ((artifacts.CONFIG, "name: x"), (artifacts.SUMMARY, "{}")):

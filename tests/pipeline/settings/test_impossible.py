@@ -74,6 +74,7 @@ CASES = [
     ("chief.inspection_radius_m", 50.0, "a flight through the chief keeps its limits"),
     ("chief.initial_angular_velocity_rad_s", [0.0, 0.0, 11.0], "rad_s[2] is 11.0; it must be at most 10"),
     ("seed", 10**400, "seed is 1000000"),
+    ("seed", 2**63, "seed is 9223372036854775808; it must be at most 9223372036854775807"),
     ("seed", -1, "seed is -1; it must be at least 0"),
     ("seed", "one", "seed is 'one'; it must be a whole number"),
     ("name", "a=b", "name is 'a=b'; it must be of letters, digits"),
