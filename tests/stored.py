@@ -134,8 +134,13 @@ class _Tags(HTMLParser):
             self._depth -= 1
 
     def handle_data(self, data):
-        if not self._skipped and data.strip():
-            self.lines.append(" " * self._depth + rounded(" ".join(data.split())))
+        words = rounded(" ".join(data.split()))
+        if self._skipped or not words:
+            return
+        if self.lines and self.lines[-1].endswith(">"):
+            self.lines[-1] += f" {words}"
+        else:
+            self.lines.append(" " * self._depth + words)
 
 
 def page(text):
