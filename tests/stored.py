@@ -4,10 +4,12 @@ Numbers have six significant digits, so that files are the same on every machine
 """
 
 import base64
+import contextlib
 import re
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from html.parser import HTMLParser
+from itertools import groupby
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -17,6 +19,8 @@ import yaml
 NOTHING = 1e-12
 #: longer arrays are told by their ends and means
 MOST_VALUES = 12
+#: of longer lists of other things the first and the last are told
+MOST_PARTS = 30
 _NUMBER = re.compile(r"(?<![\w.])-?\d+\.\d{3,}(?:e[+-]?\d+)?(?![\w.])|-?\d(?:\.\d+)?e[+-]\d+")
 _PACKED = re.compile(r"[A-Za-z0-9+/]{16,}={0,2}")
 _INDENT = "  "
@@ -37,7 +41,11 @@ def array(values):
     """An array: its shape, and its values or, of many, both ends and means, also weighted by their order."""
     values = np.asarray(values)
     if values.dtype.kind not in "biuf":
-        return f"{values.shape} {' '.join(map(str, values.ravel()))}"
+        runs = [(name, len(list(alike))) for name, alike in groupby(map(str, values.ravel()))]
+        shown = [f"{name} x {count}" if count > 1 else name for name, count in runs[:MOST_VALUES]]
+        return f"{values.shape} {', '.join(shown)}" + (
+            f" ... of {len(runs)}" if len(runs) > MOST_VALUES else ""
+        )
     numbers = values.ravel().astype(float)
     if len(numbers) <= MOST_VALUES:
         return f"{values.shape} {' '.join(map(number, numbers))}"
@@ -70,13 +78,24 @@ def lines_of(value, leave_out=()):
                 yield from _entry(f"{name}:", part, leave_out)
     elif isinstance(value, list | tuple | set | frozenset):
         parts = sorted(value) if isinstance(value, set | frozenset) else list(value)
-        if parts and all(isinstance(part, int | float | np.number) for part in parts):
-            yield array(parts)
-        else:
-            for part in parts:
+        if (numbers := _as_numbers(parts)) is not None:
+            yield array(numbers)
+            return
+        for number, part in enumerate(parts):
+            if len(parts) <= MOST_PARTS or number < 3 or number == len(parts) - 1:
                 yield from _entry("-", part, leave_out)
+        if len(parts) > MOST_PARTS:
+            yield f"of {len(parts)}"
     else:
         yield from _plain(value)
+
+
+def _as_numbers(parts):
+    """Nested lists of numbers as an array; None if they are none."""
+    with contextlib.suppress(ValueError):
+        numbers = np.array(parts)
+        return numbers if numbers.size and numbers.dtype.kind in "biuf" else None
+    return None
 
 
 def _plain(value):
@@ -175,7 +194,9 @@ def folder(top, leave_out=()):
         elif path.suffix == ".html":
             parts.append(f"== {name}\n{page(path.read_text(encoding='utf-8'))}")
         elif path.suffix in (".csv", ".yaml", ".txt"):
-            parts.append(f"== {name}\n{rounded(path.read_text(encoding='utf-8'))}")
+            lines = rounded(path.read_text(encoding="utf-8")).splitlines()
+            more = [f"... of {len(lines)}", lines[-1]] if len(lines) > MOST_VALUES else []
+            parts.append("\n".join([f"== {name}", *lines[:MOST_VALUES], *more, ""]))
         else:
             parts.append(f"== {name}\n")
     return "".join(parts)

@@ -1,4 +1,4 @@
-"""What commands print and files hold is as it was when somebody last looked: words, order, columns, messages."""
+"""What commands print and files hold is as it was when somebody last looked: words, columns, messages."""
 
 import re
 

@@ -14,7 +14,6 @@ from pipeline.report.contents import Contents, FlightSet, ShownFlight
 from pipeline.report.figures import style
 from pipeline.scenarios import evaluation_scenarios
 from tests import drawn
-from tests.pipeline.recording import cases
 from tests.pipeline.report.test_figures_as_stored import flight, paths
 from tests.pipeline.report.test_side_by_side import made_up as beside_plans
 
