@@ -171,7 +171,7 @@ def test_a_page_and_its_pictures_are_as_they_were(kind, tmp_path, illustrated, m
     drawn = {each.name: each for each in pictures.draw(made)}
     text = stored.page(page.write(made, drawn, None))
     text += "".join(f"{name}: {each.caption}\n" for name, each in drawn.items()) + "\n".join(
-        illustrated.values()
+        map(in_short, illustrated.values())
     )
     file_regression.check(text, extension=".txt", basename=kind)
 

@@ -18,7 +18,7 @@ from tests.telemetry.synthetic_run import write_evaluation
 IDS = re.compile(r"[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}|[0-9a-f]{32}")
 #: of each chunk, or of when it was made
 LEFT_OUT = re.compile(
-    r"RowId|log_time|log_tick|rerun\.controls|^blueprint$|Container.*:contents|ViewContents:query|RecordingInfo"
+    r"RowId|log_time|log_tick|rerun\.controls|^blueprint$|Container.*:contents|ViewContents:query|RecordingInfo|root_container|active_tab"
 )
 
 
