@@ -21,6 +21,7 @@ from tests.stored import array, number, rounded
 PROPERTIES = ("label", "zorder", "alpha", "linestyle", "linewidth", "drawstyle", "marker", "markersize")
 PROPERTIES += ("markeredgewidth", "rasterized", "rotation", "fontsize", "fontweight", "fontstyle")
 PROPERTIES += ("horizontalalignment", "verticalalignment", "fill")
+SHORT = {"horizontalalignment": "ha", "verticalalignment": "va", "linestyle": "dashes", "linewidth": "width"}
 USUAL = {"rasterized": False, "fontweight": "normal", "fontstyle": "normal", "rotation": 0.0, "fill": True}
 USUAL |= {"drawstyle": "default", "linestyle": "0 None", "marker": "None"}
 COLOURS = ("color", "markerfacecolor", "markeredgecolor", "facecolor", "edgecolor")
@@ -50,7 +51,7 @@ def _looks(artist):
             value = " ".join(rounded(each) for each in sorted(set(map(str, value)))[:4])
         is_usual = value is None or value == USUAL.get(name, "") or str(value).startswith("_")
         if not is_usual and (is_marked or not name.startswith("marker")):
-            words.append(f"{name}={rounded(str(value))}")
+            words.append(f"{SHORT.get(name, name)}={rounded(str(value))}")
     seen = ""
     for name in COLOURS:
         value = getattr(artist, f"get_{name}", str)()

@@ -52,7 +52,7 @@ def array(values):
     finite = np.where(np.isfinite(numbers), numbers, 0.0)
     ends = f"{' '.join(map(number, numbers[:4]))} ... {' '.join(map(number, numbers[-3:]))}"
     later = np.mean(finite * np.linspace(0.0, 1.0, len(finite)))
-    means = f"mean {number(finite.mean())}, weighted {number(later)}, of squares {number(np.mean(finite**2))}"
+    means = f"mean {number(finite.mean())}, weighted {number(later)}"
     return f"{values.shape} {ends}; {means}"
 
 
@@ -126,11 +126,10 @@ class _Tags(HTMLParser):
     """A page, one tag a line, without scripts and styles."""
 
     SKIPPED = ("script", "style", "noscript")
-    SINGLE = ("meta", "link", "br", "hr", "img", "input")
 
     def __init__(self):
         super().__init__(convert_charrefs=True)
-        self.lines, self._depth, self._skipped = [], 0, 0
+        self.lines, self._skipped = [], 0
 
     def handle_starttag(self, tag, attrs):
         if tag in self.SKIPPED:
@@ -139,18 +138,11 @@ class _Tags(HTMLParser):
             words = "".join(
                 f' {name}="{rounded(value or "")}"' for name, value in attrs if name != "integrity"
             )
-            self.lines.append(f"{' ' * self._depth}<{tag}{words}>")
-        self._depth += tag not in (*self.SKIPPED, *self.SINGLE)
-
-    def handle_startendtag(self, tag, attrs):
-        self.handle_starttag(tag, attrs)
-        self._depth -= tag not in (*self.SKIPPED, *self.SINGLE)
+            self.lines.append(f"<{tag}{words}>")
 
     def handle_endtag(self, tag):
         if tag in self.SKIPPED:
             self._skipped -= 1
-        elif tag not in self.SINGLE:
-            self._depth -= 1
 
     def handle_data(self, data):
         words = rounded(" ".join(data.split()))
@@ -159,7 +151,7 @@ class _Tags(HTMLParser):
         if self.lines and self.lines[-1].endswith(">"):
             self.lines[-1] += f" {words}"
         else:
-            self.lines.append(" " * self._depth + words)
+            self.lines.append(words)
 
 
 def page(text):

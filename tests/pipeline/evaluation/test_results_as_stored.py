@@ -25,8 +25,6 @@ RESULTS = {
     "evaluation": (artifacts.SUMMARY, artifacts.EPISODES),
     "fleet": (artifacts.SUMMARY, artifacts.EPISODES, artifacts.DEPUTIES),
     "docking": (artifacts.SUMMARY, artifacts.EPISODES, artifacts.TRAJECTORIES),
-    "comparison": (artifacts.COMPARISON, artifacts.COMPARISON_EPISODES),
-    "worlds": (artifacts.COMPARISON, artifacts.COMPARISON_EPISODES),
     "assurance": (
         artifacts.EVIDENCE,
         artifacts.ASSURED_CASES,

@@ -147,10 +147,10 @@ KINDS = {
 
 def in_short(figure):
     """Of a figure, which is stored in full elsewhere, what data and words it has."""
-    kept = re.compile(r" dots per inch|^ +(title|legend|text|LineCollection)")
+    kept = re.compile(r" dots per inch|^(title|legend|text|LineCollection)")
     lines = [
-        re.sub(r" (zorder|linestyle|horizontal)\S*=.*", "", line)
-        for line in figure.splitlines()
+        re.sub(r" (zorder|dashes|ha)\S*=.*", "", line)
+        for line in map(str.strip, figure.splitlines())
         if kept.search(line)
     ]
     return "\n".join(lines)
