@@ -105,7 +105,7 @@ RUNS = {
     "proof": (("prove",), NEAR),
 }
 #: what differs from run to run, machine to machine or version to version
-UNSTEADY = re.compile(r"(?<=cases in )[\d.]+ s|(?<=judged in )[\d.]+ s|[\d.]+ (MB|kB|bytes)|, \d+ (s|min|h) left")
+UNSTEADY = re.compile(r"(?:(?<=cases in )|(?<=judged in ))[\d.]+ s|[\d.]+ (MB|kB|bytes)|, \d+ (s|min) left")
 #: that tell how far something is
 PROGRESS = re.compile(r"^ *(flights|followed|solved|generation) \d+/\d+.*\n", re.MULTILINE)
 

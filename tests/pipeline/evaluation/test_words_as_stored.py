@@ -96,7 +96,7 @@ def test_comparisons_are_told_as_they_were(file_regression):
         "worlds": comparison.format_worlds(worlds),
         "verdicts": comparison.verdicts(worlds),
     }
-    parts |= {"broken": [" ".join(place) for place in sorted(comparison.broken_worlds(worlds))]}
+    parts |= {"broken": [" ".join(names) for names in sorted(comparison.broken_worlds(worlds))]}
     words = ("+experiment=baselines", "compare.controllers=[lqr]")
     for more in ((), ("problem=docking",), ("safety=filter", "compare.safety=[filter]")):
         parts[f"columns {more}"] = comparison.describe_columns(compose_experiment([*words, *more]).experiment)
