@@ -95,7 +95,9 @@ def _text(text):
     if hasattr(text, "xyann"):
         words += f" of {array(text.xy)} {text.anncoords}"
         arrow = text.arrowprops or {}
-        words += "".join(f" {name}={value}" for name, value in arrow.items() if name != "relpos")
+        words += "".join(
+            f" {SHORT.get(name, name)}={value}" for name, value in arrow.items() if name != "relpos"
+        )
     if box := text.get_bbox_patch():
         words += f" box {_looks(box)}"
     return f"{words} {_looks(text)}"
