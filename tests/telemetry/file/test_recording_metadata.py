@@ -66,6 +66,14 @@ def test_keys_of_others_are_left_alone_and_nonsense_is_refused():
             FisDescription.from_metadata({**whole.to_metadata(), key: text})
 
 
+def test_whole_numbers_have_64_bits():
+    most = np.iinfo(np.int64).max
+    for seed in (most, -most):
+        assert EpisodeDescription.from_metadata({"seed": f"{seed}"}).seed == seed
+    with pytest.raises(RecordingError, match=f"'seed' is '{most + 1}', but 1 finite whole numbers are"):
+        EpisodeDescription.from_metadata({"seed": f"{most + 1}"})
+
+
 @settings(max_examples=50, deadline=None)
 @given(words, st.dictionaries(words, words, max_size=4))
 def test_sealed_entries_come_back_and_changed_ones_do_not(name, entries):

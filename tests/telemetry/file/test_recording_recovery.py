@@ -202,6 +202,15 @@ def test_many_messages_in_few_bytes(tmp_path, monkeypatch):
     assert recovery.refused.startswith("it holds more than 5 messages")
 
 
+def test_a_file_may_hold_a_message_for_each_sixteen_bytes_beyond_two_hundred_thousand():
+    assert [claims.most_messages(size) for size in (0, 15, 16, 1_600_000)] == [
+        200_000,
+        200_000,
+        200_001,
+        300_000,
+    ]
+
+
 NUM_CUTS = 100
 NUM_CONTROLS = 115
 #: samples that end in an event, which brings them to the file at once
