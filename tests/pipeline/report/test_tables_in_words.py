@@ -77,7 +77,8 @@ def test_facts_of_a_flight_are_those_of_its_log():
     seen = np.arange(99) < 2 * np.arange(count)[:, np.newaxis]
     log = cases.flown(TEN_MINUTES)._replace(position_m=position, is_inspected=seen)
     log = log._replace(is_inspectable=np.arange(99) < 90, delta_v_m_s=np.linspace(0.0, 0.4567, count))
-    start = SimpleNamespace(position_m=position[0], sun_angle_rad=np.pi / 3.0, sun_elevation_rad=-np.pi / 6.0)
+    sun = {"sun_angle_rad": np.pi / 3.0, "sun_elevation_rad": -np.pi / 6.0}
+    start = SimpleNamespace(position_m=position[0], **sun, settings=None)
     flight = SimpleNamespace(name="start", title="T", scenario=start, log=log, fleet=())
     ((name, title, facts),) = facts_of(flight, MISSION)
     assert (name, title) == ("control-start", "T")
@@ -345,7 +346,7 @@ def test_samples_of_distributions_are_the_flights_and_of_fleets_their_deputies()
     fleets = FlightSet(episodes, None, summary, deputies)
     flights = FlightSet(training_of(30).episodes, None, summary)
     reported = SimpleNamespace(means={"delta_v_m_s": 5.0})
-    contents = SimpleNamespace(sets=[("One", flights, reported), ("Fleet", fleets, reported)])
+    contents = SimpleNamespace(sets=[("One", flights, reported), ("Fleet", fleets, None)])
     alone, fleet, each = pictures._samples(contents, 99)
     assert [sample.label for sample in (alone, fleet, each)] == [
         "One, 30 flights",

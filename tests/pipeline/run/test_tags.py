@@ -89,7 +89,8 @@ def test_a_sweep_tells_its_tags(ran, monkeypatch):
         assert not set(text) & {"\x1b", "\u202e"}
     assert "<b>" not in page
     path.write_text(json.dumps(json.loads(path.read_text()) | {"tags": {"campaign": ["x"]}}))
-    assert "is damaged, it has no proper tags" in ran("summary", "laws", code=2).err
+    assert "left out: seed=2: " in (left_out := ran("summary", "laws").out)
+    assert "is damaged, it has no proper tags" in left_out
 
 
 def test_two_runs_side_by_side_tell_their_tags(ran):
