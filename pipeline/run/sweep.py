@@ -167,7 +167,7 @@ def read(folder: Path) -> list[SweptRun]:
     """
     cure = (
         f"restore it, or delete it: {typed.summary(folder)} does without, and the command that began the "
-        f"sweep goes on with its runs where {shlex.join([f'hydra.sweep.dir={folder}'])} is added"
+        f"sweep goes on with its runs where {shlex.quote(f'hydra.sweep.dir={folder}')} is added"
     )
     content = artifacts.read_json(folder, SWEEP, cure)
     with artifacts.explained(f"{folder / SWEEP} is no file of a sweep", cure):

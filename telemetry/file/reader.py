@@ -70,8 +70,8 @@ def read(
     _check_span(start_s, end_s)
     wanted = [topics] if isinstance(topics, str) else None if topics is None else list(topics)
     recording, refusals = _read(Path(path), wanted, start_s, end_s)
-    for refusal in refusals.values():
-        raise refusal
+    if refusals:
+        raise next(iter(refusals.values()))
     return recording
 
 
